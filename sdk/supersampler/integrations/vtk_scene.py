@@ -6,14 +6,7 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from vtkmodules.vtkRenderingCore import (
-    vtkActor,
-    vtkFollower,
-    vtkProp3D,
-    vtkPropAssembly,
-    vtkPropCollection,
-    vtkVolume,
-)
+from vtkmodules import vtkRenderingCore as vtk
 
 from supersampler.conventions import camera_motion
 from supersampler.conventions.encodings import to_reversed_infinite
@@ -66,13 +59,13 @@ class SceneView:
     near: float
     far: float
     parallel: bool
-    matrices: dict[vtkProp3D, Matrix]
-    upscaled: frozenset[vtkProp3D]
+    matrices: dict[vtk.vtkProp3D, Matrix]
+    upscaled: frozenset[vtk.vtkProp3D]
     aspect: float
     sky: Matrix | None
 
     @classmethod
-    def of(cls, renderer: Any, upscaled: frozenset[vtkProp3D]) -> Self:
+    def of(cls, renderer: Any, upscaled: frozenset[vtk.vtkProp3D]) -> Self:
         """Read the view of a renderer, before the camera is jittered."""
         camera, aspect = renderer.GetActiveCamera(), renderer.GetTiledAspectRatio()
         matrix = _array(camera.GetCompositeProjectionTransformMatrix(aspect, -1, 1))
@@ -124,9 +117,9 @@ class SceneView:
 
     def moved_props(
         self, buffer: Float32, previous: "SceneView"
-    ) -> Iterator[tuple[Collection[vtkProp3D], Float32]]:
+    ) -> Iterator[tuple[Collection[vtk.vtkProp3D], Float32]]:
         """Yield upscaled props that move together, and the motion of pixels that show them."""
-        moves: dict[bytes, list[vtkProp3D]] = {}
+        moves: dict[bytes, list[vtk.vtkProp3D]] = {}
         for prop, matrix in self.matrices.items():
             before = previous.matrices.get(prop) if prop in self.upscaled else None
             if before is not None and not _is_equal(before, matrix):
@@ -162,12 +155,12 @@ class SceneView:
             if prop in self.upscaled and _is_translucent(prop):
                 columns, rows, depth = self._enclosing(prop.GetBounds())
                 part = buffer[rows, columns]
-                if isinstance(prop, vtkVolume):
+                if isinstance(prop, vtk.vtkVolume):
                     mask[rows, columns][part == 1.0] = _REACTIVE
                 part[part == 1.0] = min(depth, _FARTHEST)
         return mask
 
-    def translucent_pixels(self, props: Collection[vtkProp3D]) -> NDArray[np.bool_]:
+    def translucent_pixels(self, props: Collection[vtk.vtkProp3D]) -> NDArray[np.bool_]:
         """Return a mask (h, w) of the pixels in boxes of the volumes and translucent surfaces among these."""
         mask = np.zeros(self.size[::-1], np.bool_)
         for prop in filter(_is_translucent, props):
@@ -199,9 +192,9 @@ def visible(renderer: Any) -> list[Any]:
 
 def is_upscaled(prop: Any) -> bool:
     """Return whether a prop is a volume or consists of surfaces only, without lines, points or text."""
-    if isinstance(prop, vtkVolume):
+    if isinstance(prop, vtk.vtkVolume):
         return True
-    if not isinstance(prop, vtkActor) or isinstance(prop, vtkFollower) or prop.GetMapper() is None:
+    if not isinstance(prop, vtk.vtkActor) or isinstance(prop, vtk.vtkFollower) or prop.GetMapper() is None:
         return False
     look = prop.GetProperty()
     if look.GetRepresentation() != _SURFACE or look.GetEdgeVisibility() or look.GetVertexVisibility():
@@ -213,7 +206,7 @@ def is_upscaled(prop: Any) -> bool:
 
 def is_on_top(prop: Any) -> bool:
     """Return whether a prop is rendered on top of each image, as text, charts and widgets are."""
-    return not isinstance(prop, (vtkProp3D, vtkPropAssembly))
+    return not isinstance(prop, (vtk.vtkProp3D, vtk.vtkPropAssembly))
 
 
 def has_oblique_lines(prop: Any) -> bool:
@@ -224,8 +217,8 @@ def has_oblique_lines(prop: Any) -> bool:
 def _has_motion(prop: Any) -> bool:
     """Return whether the motion of a prop follows from its matrix."""
     return (
-        isinstance(prop, (vtkActor, vtkVolume))
-        and not isinstance(prop, vtkFollower)
+        isinstance(prop, (vtk.vtkActor, vtk.vtkVolume))
+        and not isinstance(prop, vtk.vtkFollower)
         and not _is_generated(prop)
     )
 
@@ -242,7 +235,7 @@ def is_composed(renderer: Any) -> bool:
 
 def _is_translucent(prop: Any) -> bool:
     """Return whether a prop writes no depth."""
-    return isinstance(prop, vtkVolume) or bool(prop.HasTranslucentPolygonalGeometry())
+    return isinstance(prop, vtk.vtkVolume) or bool(prop.HasTranslucentPolygonalGeometry())
 
 
 def _is_equal(one: Matrix | None, other: Matrix) -> bool:
@@ -292,7 +285,7 @@ def _state(prop: Any) -> tuple[Any, ...]:
     state += [_value(prop, name) for name in ("ForceOpaque", "ForceTranslucent")]
     parts = [_value(prop, name) for name in _LOOKS]
     textures = [_value(prop, "Texture")]
-    if isinstance(prop, vtkActor):
+    if isinstance(prop, vtk.vtkActor):
         textures += [prop.GetProperty().GetTexture(name) for name in _SURFACE_TEXTURES]
     if (mapper := _value(prop, "Mapper")) is not None:
         parts += [mapper, *(mapper.GetClippingPlanes() or ()), *_data(mapper)]
@@ -311,7 +304,7 @@ def _parts(prop: Any) -> Iterator[Any]:
         ports = range(mapper.GetNumberOfInputPorts())
         yield from (prop.GetVolume(port) for port in ports if mapper.GetNumberOfInputConnections(port))
     if prop.IsA("vtkLODProp3D"):
-        shown = vtkPropCollection()
+        shown = vtk.vtkPropCollection()
         prop.GetActors(shown)
         prop.GetVolumes(shown)
         yield from shown
