@@ -241,8 +241,8 @@ def _ends(place: Tensor, size: images.Size) -> tuple[Tensor, Tensor]:
     """Return the places of the centres of the first and of the last pixel, (W, 2) each.
 
     grid_sample adds 1 and multiplies by the size. 2 - 1 / size, rounded to float32, less 1 gives the last
-    pixel exactly. No place gives the first pixel exactly: the next one inside reads 2e-4 of the second
-    pixel, at 4K.
+    pixel exactly. No place gives the first pixel exactly; the closest one inside the image also reads 2e-4 of
+    the second pixel, at 4K.
     """
     part = 1.0 / pair(place, size.width, size.height)
     return in_row(part - 1.0 + STEP, place), in_row(2.0 - part - 1.0, place)
