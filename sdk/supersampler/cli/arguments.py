@@ -16,7 +16,6 @@ from supersampler.errors import ArgumentError, ShotError, did_you_mean
 from supersampler.frame import Size
 
 if TYPE_CHECKING:
-    from supersampler.cli.results import ImageOptions
     from supersampler.io.shot import Shot
 
 Layout = Literal["auto", "blender", "channels", "arm"]
@@ -165,34 +164,6 @@ class FileOptions:
         ),
     ] = None
     compare: Compare = False
-
-    def images(self, shot: "Shot") -> "ImageOptions":
-        """Return the options of a shot's images; by default, sRGB-encoded frames keep their format and bits.
-
-        Raises:
-            ArgumentError: the name is invalid; or see `display_transform_from`.
-            ShotError: the OpenColorIO configuration cannot be read.
-        """
-        from supersampler.cli.results import ImageOptions, name_pattern
-        from supersampler.io.display_transforms import REC709, display_transform_from
-        from supersampler.io.images import space_of_role
-
-        stored, srgb, space = shot.stored_as, shot.conventions.srgb, shot.info.known_color_space
-        same = srgb and stored.format in ("png", "tif")
-        transform = display_transform_from(
-            color_space=REC709 if space is None else space, srgb=srgb, ocio=self.ocio, display=self.display,
-            view=self.view, look=self.look, exposure=self.exposure,
-        )  # fmt: skip
-        if space is not None and transform.ocio is not None:
-            space = space_of_role(transform.ocio.config, space)
-        return ImageOptions(
-            formats=[str(item) for item in self.format or [stored.format if same else "exr"]],
-            name=shot.info.file_names if self.name is None else name_pattern(self.name),
-            transform=transform,
-            compression=self.compression,
-            bits=16 if same and stored.type == "uint16" else 8,
-            color_space=space,
-        )
 
     def unused(self, formats: Collection[str], *, passes: int, **others: object) -> list[str]:
         """Return lines to print about given options that have no effect.

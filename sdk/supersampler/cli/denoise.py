@@ -70,6 +70,7 @@ def denoise(
       supersampler denoise renders -o out --per-frame none --compare
     """  # noqa: D301  # \b: click keeps the line breaks
     from supersampler.cli.denoise_run import DenoiseRun, copied_ids, parts_of
+    from supersampler.cli.results import ImageOptions
     from supersampler.io.shot.numbered import FrameRange
 
     given = dict(locals())
@@ -77,7 +78,7 @@ def denoise(
     console = Terminal(stderr=True)
     open_frames = partial(open_with, shot, source, guides="denoising")
     for part, opened, note in parts_of(numbers, open_frames, passes):
-        images = files.images(opened)
+        images = ImageOptions.of(files, opened)
         copied = copied_ids(opened) if "exr" in images.formats else []
         notes = [note, *source_notes(opened, copied), *files.unused(images.formats, passes=passes)]
         if (used := images.compression_with(copied)) != files.compression:

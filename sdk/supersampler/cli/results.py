@@ -20,12 +20,11 @@ from typing import Annotated, Any, Generic, Self, TypeVar
 import msgspec
 import numpy as np
 
-from supersampler.cli.arguments import size_text
+from supersampler.cli.arguments import FileOptions, size_text
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import Float32
-from supersampler.io import images
+from supersampler.io import display_transforms, images
 from supersampler.io.display import to_uint8, to_uint16
-from supersampler.io.display_transforms import DEFAULT_TRANSFORM, REC709, DisplayTransform
 from supersampler.io.files import (
     is_own_folder,
     is_regular,
@@ -117,10 +116,35 @@ class ImageOptions:
 
     formats: Collection[str] = ("exr",)
     name: str = "####"
-    transform: DisplayTransform = DEFAULT_TRANSFORM
+    transform: display_transforms.DisplayTransform = display_transforms.DEFAULT_TRANSFORM
     compression: str = "zip"
     bits: int = 8
-    color_space: str | None = REC709
+    color_space: str | None = display_transforms.REC709
+
+    @classmethod
+    def of(cls, files: FileOptions, shot: Shot) -> Self:
+        """Return the options of a shot's images; by default, sRGB-encoded frames keep their format and bits.
+
+        Raises:
+            ArgumentError: the name is invalid; or see `display_transform_from`.
+            ShotError: the OpenColorIO configuration cannot be read.
+        """
+        stored, srgb, space = shot.stored_as, shot.conventions.srgb, shot.info.known_color_space
+        same = srgb and stored.format in ("png", "tif")
+        transform = display_transforms.display_transform_from(
+            color_space=display_transforms.REC709 if space is None else space, srgb=srgb, ocio=files.ocio,
+            display=files.display, view=files.view, look=files.look, exposure=files.exposure,
+        )  # fmt: skip
+        if space is not None and transform.ocio is not None:
+            space = images.space_of_role(transform.ocio.config, space)
+        return cls(
+            formats=[str(item) for item in files.format or [stored.format if same else "exr"]],
+            name=shot.info.file_names if files.name is None else name_pattern(files.name),
+            transform=transform,
+            compression=files.compression,
+            bits=16 if same and stored.type == "uint16" else 8,
+            color_space=space,
+        )
 
     @property
     def image_formats(self) -> list[str]:

@@ -128,6 +128,7 @@ def upscale(
       supersampler upscale "renders/beauty.####.exr" -o out --conventions blender --frames 100-199
       supersampler upscale shots/city -o out --format png --view "ACES 2.0 - SDR 100 nits (Rec.709)"
     """  # noqa: D301  # \b: click keeps the line breaks
+    from supersampler.cli.results import ImageOptions
     from supersampler.cli.upscale_run import UpscaleRun, open_for
     from supersampler.io.shot.numbered import FrameRange
 
@@ -145,7 +146,7 @@ def upscale(
         opened = open_with(shot, source)
     else:
         opened, note = open_for(numbers, preroll, partial(open_with, shot, source), passes)
-    written = files.images(opened)
+    written = ImageOptions.of(files, opened)
     unused = files.unused(written.formats, passes=passes, maps=maps, scratch=scratch)
     for line in (*filter(None, [note]), *source_notes(opened), *unused):
         console.print(line, soft_wrap=True)
