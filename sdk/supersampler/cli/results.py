@@ -138,7 +138,7 @@ class ImageOptions:
         if space is not None and transform.ocio is not None:
             space = images.space_of_role(transform.ocio.config, space)
         return cls(
-            formats=[str(item) for item in files.format or [stored.format if same else "exr"]],
+            formats=[str(item) for item in files.format or ()] or [stored.format if same else "exr"],
             name=shot.info.file_names if files.name is None else name_pattern(files.name),
             transform=transform,
             compression=files.compression,
