@@ -7,6 +7,7 @@ import multiprocessing
 import multiprocessing.connection
 import os
 import re
+import select
 import shutil
 import signal
 import subprocess
@@ -144,6 +145,27 @@ def test_a_worker_that_ends_while_it_passes_a_buffer_is_one_line(
     monkeypatch.setattr("torch.utils.data.dataloader._MultiProcessingDataLoaderIter.__next__", refused)
     with pytest.raises(DataError, match=r"worker process .* ended: .*reset by peer\. .* Run again to resume"):
         trainer(dataset, tmp_path, workers=1).run(until=1)
+
+
+@pytest.mark.skipif(multiprocessing.get_start_method() != "fork", reason="workers would not be patched")
+@pytest.mark.timeout(60)
+def test_a_worker_that_is_killed_in_the_middle_of_a_message_is_one_line(
+    dataset: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A pipe takes PIPE_BUF bytes as a whole. After a part of a message, the trainer would wait forever."""
+    trains, send = os.getpid(), multiprocessing.connection.Connection._send  # type: ignore[attr-defined]
+
+    def send_and_end(connection: Any, data: bytes, *_: object) -> None:
+        if os.getpid() == trains:
+            send(connection, data)
+            return
+        os.write(connection.fileno(), data[: select.PIPE_BUF])
+        os.kill(os.getpid(), signal.SIGKILL)
+
+    monkeypatch.setattr("multiprocessing.connection.Connection._send", send_and_end)
+    many = dataclasses.replace(PLAN, batch=64, frames=1, size=17)
+    with pytest.raises(DataError, match=r"worker process .* ended.* Run again to resume"):
+        trainer(dataset, tmp_path, many, workers=1).run(until=1)
 
 
 class Interrupting(list[Update]):
