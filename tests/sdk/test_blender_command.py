@@ -114,6 +114,21 @@ def test_a_scene_that_has_changed_is_not_continued_and_another_blender_is_noted(
     assert rendered(tmp_path) == [7, 8]
 
 
+def test_a_render_that_began_in_a_new_folder_after_the_checks_of_another_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def other_begins(path: str) -> str:
+        monkeypatch.undo()
+        succeeded(blender(tmp_path))
+        return find_blender(path)
+
+    monkeypatch.setattr("supersampler.integrations.blender.render.find_blender", other_begins)
+    assert "frames of another render are there: samples was None" in one_line(
+        blender(tmp_path, "--samples", 2)
+    )
+    assert rendered(tmp_path) == [5, 6, 7, 8]
+
+
 COMPOSITED = ["0005.png", "0006.png", "0007.png", "0008.png"]
 
 

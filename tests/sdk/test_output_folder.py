@@ -11,7 +11,7 @@ import pytest
 
 from noise import noise
 from supersampler import ShotError
-from supersampler.cli.results import read_run_record
+from supersampler.cli.results import Results, read_run_record
 from supersampler.io.files import FolderLock, check_apart, check_inside, is_regular, remove_partial_files
 from supersampler.io.images import write_exr
 from supersampler.io.shot import Shot, ShotWriter, copy_shot
@@ -65,6 +65,23 @@ def test_runs_write_into_one_folder_at_once_only_if_they_have_ranges(
             assert "out: another run writes to it. Wait for it" in refused(shot, tmp_path / "out", *options)
             assert content(tmp_path / "out") == before
     upscale(shot, tmp_path / "out")
+
+
+def test_a_run_that_began_in_a_new_folder_after_the_checks_of_another_is_kept(
+    shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out, check = tmp_path / "out", Results._check_free
+
+    def other_begins(results: Results, *arguments: Any) -> None:
+        check(results, *arguments)
+        monkeypatch.undo()
+        upscale(shot, out)
+
+    monkeypatch.setattr(Results, "_check_free", other_begins)
+    assert "another run are there: method was bilinear, is now bicubic" in refused(
+        shot, out, "--method", "bicubic"
+    )
+    upscale(shot, out)
 
 
 def test_overwrite_removes_what_the_record_lists_and_nothing_else(shot: Path, tmp_path: Path) -> None:

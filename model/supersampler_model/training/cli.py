@@ -11,7 +11,7 @@ import typer
 
 from supersampler.cli.terminal import Terminal, counted
 from supersampler.errors import ArgumentError, did_you_mean
-from supersampler.io.files import check_ours
+from supersampler.io.files import FolderLock, check_ours, remove_partial_files
 from supersampler.methods.registry import listed_methods, methods
 
 if TYPE_CHECKING:
@@ -30,6 +30,7 @@ WEIGHTS = "weights.safetensors"  # in the folder of a run
 
 @app.command()
 def train(
+    context: typer.Context,
     name: Annotated[str, typer.Argument(metavar="METHOD", help=f"{listed_methods(_LEARNED.values())}.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the run.")],
     data: Annotated[list[Path] | None, typer.Option(help="Training set; may be repeated.")] = None,
@@ -70,16 +71,18 @@ def train(
     from supersampler_model.data.dataset.storage import open_dataset
     from supersampler_model.methods.base import load_trained, shipped_weights
     from supersampler_model.training.datasets import dataset_of_shots
-    from supersampler_model.training.run_log import read_log
+    from supersampler_model.training.run_log import TABLE, read_log
     from supersampler_model.training.task import start_task
-    from supersampler_model.training.trainer import Trainer, TrainingPlan
+    from supersampler_model.training.trainer import CHECKPOINT, Trainer, TrainingPlan
     from supersampler_model.training.validation import validate, validation_entries
 
     torch.manual_seed(seed)
     _check_free(output)
     read_log(output)  # fails before the updates, not after them
     authors = [] if attributions is None else _lines(attributions)
-    output.mkdir(parents=True, exist_ok=True)
+    lock = context.with_resource(FolderLock(output))  # until the command ends
+    lock.take_new()
+    remove_partial_files(output, {CHECKPOINT, WEIGHTS, TABLE}.__contains__)
     datasets = [open_dataset(folder) for folder in data or []]
     for paths, split in ((shot, "train"), (validation_shot, "validation")):
         if paths:
@@ -143,7 +146,7 @@ def update_and_save(trainer: Trainer, until: int, updates: list[Update]) -> None
 
         with StopRequest() as stop:
             trainer.run(until, on_update=count, stops=lambda: stop.requested)
-        trainer.save()
+            trainer.save()
     if stop.requested and trainer.done < trainer.plan.steps:
         _CONSOLE.print(f"Stopped after {trainer.done} updates. Run the same command to resume.")
         raise typer.Exit(130)

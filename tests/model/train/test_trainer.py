@@ -27,6 +27,7 @@ from supersampler import halton_jitter
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import Size
 from supersampler.io.display import decibels, display_transform
+from supersampler.io.files import FolderLock
 from supersampler.io.shot import ClassMaps, Shot, ShotWriter
 from supersampler_model import ops
 from supersampler_model.data.dataset import overview
@@ -188,6 +189,21 @@ def test_ctrl_c_saves_the_finished_updates(dataset: Dataset, tmp_path: Path, unt
     assert signal.getsignal(signal.SIGINT) is before
 
 
+def test_ctrl_c_while_updates_are_saved_saves_them(
+    dataset: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    save = Trainer.save
+
+    def interrupted(run: Trainer) -> None:
+        signal.raise_signal(signal.SIGINT)
+        save(run)
+
+    monkeypatch.setattr(Trainer, "save", interrupted)
+    with pytest.raises(typer.Exit):
+        update_and_save(trainer(dataset, tmp_path), 1, [])
+    assert load_checkpoint(tmp_path / CHECKPOINT)["done"] == 1
+
+
 def test_ctrl_c_in_the_last_update_ends_as_any_run(dataset: Dataset, tmp_path: Path) -> None:
     run = trainer(dataset, tmp_path, dataclasses.replace(PLAN, steps=2))
     update_and_save(run, 2, Interrupting())
@@ -342,6 +358,29 @@ def test_a_run_takes_its_folder_before_the_first_update(
     with pytest.raises(pytest.fail.Exception):
         run(*command)
     assert "of another plan (batch 8)" in run(*command, "--batch", 4).stderr
+
+
+def test_two_runs_do_not_train_in_one_folder_at_once(dataset: Dataset, tmp_path: Path) -> None:
+    """One that follows a killed run removes the checkpoint that was being written."""
+    partial = tmp_path / ".checkpoint.01234567.partial.pt"
+    partial.touch()
+    command = [
+        "train",
+        "classifier-small",
+        "--data",
+        dataset.folder,
+        "-o",
+        tmp_path,
+        "--steps",
+        1,
+        "--size",
+        17,
+    ]
+    with FolderLock(tmp_path):
+        assert "another run writes to it" in run(*command).stderr
+    assert partial.exists()
+    assert run(*command).exit_code == 0
+    assert not partial.exists()
 
 
 def refuse(*_: object) -> None:
