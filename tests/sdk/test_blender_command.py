@@ -395,15 +395,15 @@ def test_a_link_in_place_of_a_frame_is_not_accepted(tmp_path: Path, monkeypatch:
 def test_a_blender_that_ignores_signals_is_killed(tmp_path: Path) -> None:
     began = time.monotonic()
     assert "no camera" in one_line(blender(tmp_path, stubborn=True, error="no camera"))
-    assert time.monotonic() - began < 60
+    assert time.monotonic() - began < 200  # it would hang for 600
     wait_until(lambda: not is_running(int((tmp_path / "pid").read_text())))
 
 
 @pytest.mark.long  # waits for seconds
 def test_a_process_orphaned_by_blender_does_not_block_the_command(tmp_path: Path) -> None:
     began = time.monotonic()
-    assert "SIGABRT" in one_line(blender(tmp_path, daughter=120, crash_at=6))
-    assert time.monotonic() - began < 60
+    assert "SIGABRT" in one_line(blender(tmp_path, daughter=250, crash_at=6))
+    assert time.monotonic() - began < 200
 
 
 # --- the shot that `supersampler blender` renders: motion, sky, jitter, and its render.json ---

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from typer.testing import Result
 
+from commands import processes
 from gltf_files import cube
 from supersampler_model.data.dataset.storage import open_dataset, read_training_frame
 from upscale_runs import run, succeeded
@@ -92,14 +93,12 @@ def test_a_killed_run_leaves_whole_frames_ends_its_workers_and_continues(tmp_pat
 
 
 def _wait_for_the_end_of_group(group: int) -> None:
-    for _ in range(1500):
-        try:
-            os.killpg(group, 0)
-        except ProcessLookupError:
-            return
-        time.sleep(0.02)
-    os.killpg(group, signal.SIGKILL)
-    pytest.fail("workers outlive a killed run")
+    until = time.monotonic() + 100.0
+    while any(process.group == group for process in processes()):
+        if time.monotonic() > until:
+            os.killpg(group, signal.SIGKILL)
+            pytest.fail("workers outlive a killed run")
+        time.sleep(0.05)
 
 
 def test_a_broken_file_is_named_before_anything_is_written(files: Path, tmp_path: Path) -> None:
