@@ -15,7 +15,7 @@ from supersampler.cli.results import Results, read_run_record
 from supersampler.io.files import FolderLock, check_apart, check_inside, is_regular, remove_partial_files
 from supersampler.io.images import write_exr
 from supersampler.io.shot import Shot, ShotWriter, copy_shot
-from upscale_runs import refusal, run, upscale, write_shot
+from upscale_runs import interrupt_at, refusal, run, upscale, write_shot
 
 COUNT = 4
 FOREIGN = "upscale.json does not list it"
@@ -82,6 +82,15 @@ def test_a_run_that_began_in_a_new_folder_after_the_checks_of_another_is_kept(
         shot, out, "--method", "bicubic"
     )
     upscale(shot, out)
+
+
+def test_a_run_stopped_before_its_first_image_may_be_followed_by_another(
+    shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as patch:
+        interrupt_at(0, patch)
+        assert run("upscale", shot, "-o", tmp_path / "out", "--method", "bicubic").exit_code == 130
+    upscale(shot, tmp_path / "out")
 
 
 def test_overwrite_removes_what_the_record_lists_and_nothing_else(shot: Path, tmp_path: Path) -> None:

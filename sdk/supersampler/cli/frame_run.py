@@ -267,6 +267,7 @@ class FrameRun:
             self._run(max(begins, 0), page=page, video=video)
         except KeyboardInterrupt:
             complete = results.count_complete(count)
+            results.end_without_files()
             self.console.print(f"Stopped: {complete} of {count} frames are complete.")
             self.console.print("Run the same command to resume.")
             raise typer.Exit(130) from None
