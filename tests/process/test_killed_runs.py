@@ -40,7 +40,7 @@ def test_a_run_killed_at_any_moment_continues_to_the_same_files(tmp_path: Path, 
         process.stdout.readline()
         until_begin = time.perf_counter() - began
         process.stdout.read()
-        assert process.wait(timeout=120) == 0
+        assert process.wait(timeout=280) == 0
     until_end = time.perf_counter() - began
     want, chance, kills = files(whole), random.Random(kind), 0
     output = tmp_path / "0" / "out"
@@ -55,7 +55,7 @@ def test_a_run_killed_at_any_moment_continues_to_the_same_files(tmp_path: Path, 
                     time.sleep(chance.uniform(0.0, until_end - until_begin))
                 process.kill()
             process.stdout.read()
-            code = process.wait(timeout=120)
+            code = process.wait(timeout=280)
         kills += code == -9
         found = files(output) if output.exists() else {}
         for name, data in found.items():
