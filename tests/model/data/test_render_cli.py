@@ -1,6 +1,8 @@
 """`supersampler render`: its files, interruptions, full disks and invalid options."""
 
+import multiprocessing
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -13,6 +15,7 @@ from typer.testing import Result
 from commands import processes
 from gltf_files import cube
 from supersampler_model.data.dataset.storage import open_dataset, read_training_frame
+from supersampler_model.data.processes import run_parts
 from upscale_runs import run, succeeded
 
 SMALL = ("--frames", "2", "--display-size", "64x36", "--samples", "4", "--ratio", "2")
@@ -66,6 +69,12 @@ def test_a_disk_error_is_one_line_and_the_next_run_continues(tmp_path: Path) -> 
     assert "cannot be written" in line
     (out / "train").unlink()
     assert render(out, *options).exit_code == 0
+
+
+def test_processes_that_have_started_end_where_another_cannot_start() -> None:
+    with pytest.raises((pickle.PicklingError, AttributeError), match="lambda"):
+        run_parts([id, lambda _: None])
+    assert multiprocessing.active_children() == []
 
 
 @pytest.mark.long  # kills a process
