@@ -274,6 +274,7 @@ def test_close_ends_a_program_whose_supervisor_hangs(
         os.kill(child._process.pid, signal.SIGSTOP)
     child.close()
     child.output.close()
+    child._process.wait(SECONDS)
     wait_until(lambda: not is_running(int((tmp_path / "pid").read_text())))
 
 

@@ -29,7 +29,7 @@ WEIGHTS = "weights.safetensors"  # in the folder of a run
 
 
 @app.command()
-def train(
+def train(  # noqa: PLR0913  # options of a command
     context: typer.Context,
     name: Annotated[str, typer.Argument(metavar="METHOD", help=f"{listed_methods(_LEARNED.values())}.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the run.")],
