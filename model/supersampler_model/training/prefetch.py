@@ -8,6 +8,7 @@ import atexit
 import pickle
 import signal
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -128,9 +129,10 @@ def frames_of(
         worker_init_fn=_ignore_signals,
         prefetch_factor=AHEAD if workers else None,
     )
-    parts: Any = iter(loader)
-    if workers:
-        _stop_watching(parts)
+    with _end_of_a_worker_as_data_error():
+        parts: Any = iter(loader)
+        if workers:
+            _stop_watching(parts)
     turns = max(workers, 1)  # from each worker in turn
     end: Callable[[], None] = parts._shutdown_workers if workers else lambda: None
     atexit.register(end)  # by itself, torch leaves them to a SIGTERM at exit, which they ignore
@@ -138,7 +140,8 @@ def frames_of(
         while True:
             frame: list[Any] = [None] * len(streams)
             for turn in range(turns):
-                packed = _next_of(parts)
+                with _end_of_a_worker_as_data_error():
+                    packed = next(parts)
                 if isinstance(packed, SupersamplerError):
                     raise packed
                 frame[turn::turns] = packed.on(device)
@@ -148,9 +151,10 @@ def frames_of(
         end()
 
 
-def _next_of(parts: Iterator[PackedCrops | SupersamplerError]) -> PackedCrops | SupersamplerError:
+@contextmanager
+def _end_of_a_worker_as_data_error() -> Iterator[None]:
     try:
-        return next(parts)
+        yield
     except (ConnectionError, EOFError, RuntimeError) as error:  # the first two while it passes a buffer on
         if isinstance(error, RuntimeError) and not str(error).startswith("DataLoader worker"):
             raise

@@ -148,6 +148,17 @@ def test_a_worker_that_ends_while_it_passes_a_buffer_is_one_line(
         trainer(dataset, tmp_path, workers=1).run(until=1)
 
 
+def test_a_worker_that_ends_while_others_start_is_one_line(
+    dataset: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def killed(_parts: object) -> None:  # in a signal handler of torch
+        raise RuntimeError("DataLoader worker (pid 1) is killed by signal: Killed. ")
+
+    monkeypatch.setattr("supersampler_model.training.prefetch._stop_watching", killed)
+    with pytest.raises(DataError, match=r"worker process .* ended: .*Killed\. .* Run again to resume"):
+        trainer(dataset, tmp_path, workers=1).run(until=1)
+
+
 @pytest.mark.skipif(multiprocessing.get_start_method() != "fork", reason="workers would not be patched")
 @pytest.mark.timeout(60)
 def test_a_worker_that_is_killed_in_the_middle_of_a_message_is_one_line(
