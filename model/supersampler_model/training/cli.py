@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+from contextlib import suppress
 from pathlib import Path
 from statistics import mean
 from typing import TYPE_CHECKING, Annotated, Any, cast
@@ -142,7 +143,8 @@ def update_and_save(trainer: Trainer, until: int, updates: list[Update]) -> None
 
         def count(update: Update) -> None:
             updates.append(update)
-            advance()
+            if not stop.requested:  # afterwards, `tee` may have ended, too
+                advance()
 
         with StopRequest() as stop:
             trainer.run(until, on_update=count, stops=lambda: stop.requested)
@@ -175,7 +177,8 @@ class StopRequest:
         self.requested = True
         for number in _SIGNALS:
             signal.signal(number, signal.default_int_handler)
-        _CONSOLE.print("Stopping after this update. Ctrl-C again stops at once, without saving.")
+        with suppress(OSError, RuntimeError, SystemExit):  # nobody reads it, or this interrupts another line
+            _CONSOLE.print("Stopping after this update. Ctrl-C again stops at once, without saving.")
 
 
 def _steps_of_weights(output: Path) -> int:

@@ -24,6 +24,8 @@ import torch
 import typer
 
 from supersampler import halton_jitter
+from supersampler.cli import terminal
+from supersampler.cli.terminal import Terminal
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import Size
 from supersampler.io.display import decibels, display_transform
@@ -212,6 +214,26 @@ def test_ctrl_c_while_updates_are_saved_saves_them(
     monkeypatch.setattr(Trainer, "save", interrupted)
     with pytest.raises(typer.Exit):
         update_and_save(trainer(dataset, tmp_path), 1, [])
+    assert load_checkpoint(tmp_path / CHECKPOINT)["done"] == 1
+
+
+def test_ctrl_c_saves_the_finished_updates_if_nobody_reads_the_messages(
+    dataset: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ctrl-C also ends `tee` in `supersampler train ... 2>&1 | tee log`."""
+
+    def refuse(*_: object, **__: object) -> None:  # as rich does after a broken pipe
+        raise SystemExit(1)
+
+    class Last(list[Update]):
+        def append(self, update: Update) -> None:
+            super().append(update)
+            monkeypatch.setattr(Terminal, "print", refuse)
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(terminal, "LOG_SECONDS", 0.0)
+    with pytest.raises(SystemExit):
+        update_and_save(trainer(dataset, tmp_path), PLAN.steps, Last())
     assert load_checkpoint(tmp_path / CHECKPOINT)["done"] == 1
 
 
