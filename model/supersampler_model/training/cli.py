@@ -157,6 +157,8 @@ def update_and_save(trainer: Trainer, until: int, updates: list[Update]) -> None
 class StopRequest:
     """Context manager that records the first SIGINT or SIGTERM; the second one raises KeyboardInterrupt.
 
+    A signal that is ignored, as in a script's background, stays ignored.
+
     Attributes:
         requested: whether a signal was received. The trainer then finishes and saves the current update.
     """
@@ -166,7 +168,8 @@ class StopRequest:
         self._before: dict[int, Any] = {}
 
     def __enter__(self) -> StopRequest:
-        self._before = {number: signal.signal(number, self._stop) for number in _SIGNALS}
+        heard = [number for number in _SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]
+        self._before = {number: signal.signal(number, self._stop) for number in heard}
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -175,7 +178,7 @@ class StopRequest:
 
     def _stop(self, _number: int, _frame: FrameType | None) -> None:
         self.requested = True
-        for number in _SIGNALS:
+        for number in self._before:
             signal.signal(number, signal.default_int_handler)
         with suppress(OSError, RuntimeError, SystemExit):  # nobody reads it, or this interrupts another line
             _CONSOLE.print("Stopping after this update. Ctrl-C again stops at once, without saving.")

@@ -243,6 +243,16 @@ def test_ctrl_c_in_the_last_update_ends_as_any_run(dataset: Dataset, tmp_path: P
     assert run.done == run.plan.steps
 
 
+def test_an_ignored_signal_stays_ignored(dataset: Dataset, tmp_path: Path) -> None:
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        updates = Interrupting()
+        update_and_save(trainer(dataset, tmp_path), 3, updates)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert len(updates) == 3
+
+
 def test_ctrl_c_twice_stops_at_once(dataset: Dataset, tmp_path: Path) -> None:
     updates = Interrupting()
     updates.times = 2
