@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.testing import Result
@@ -72,8 +73,9 @@ def test_a_disk_error_is_one_line_and_the_next_run_continues(tmp_path: Path) -> 
 
 
 def test_processes_that_have_started_end_where_another_cannot_start() -> None:
+    parts: list[Any] = [id, lambda _: None]
     with pytest.raises((pickle.PicklingError, AttributeError), match="lambda"):
-        run_parts([id, lambda _: None])
+        run_parts(parts)
     assert multiprocessing.active_children() == []
 
 
