@@ -93,8 +93,8 @@ def test_tasks_report_their_progress(chunks: tuple[Path, str]) -> None:
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc, to find a process's children")
-def test_a_killed_worker_of_two_is_restarted(shot: Path, chunks: tuple[Path, str]) -> None:
-    output = shot.parent / "workers"
+def test_a_killed_worker_of_two_is_restarted(shot: Path, chunks: tuple[Path, str], tmp_path: Path) -> None:
+    output = tmp_path / "out"
     commands = [job(shot, output, *tasks("0-7")), job(shot, output, *tasks("8-15", "16-23"))]
     first, second = (subprocess.Popen(command, stdout=subprocess.DEVNULL) for command in commands)
     ends = time.monotonic() + 120.0
