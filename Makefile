@@ -136,7 +136,7 @@ three: web-tests $(DEVELOPMENT)
 
 # Needs CMake and a C++ compiler. Afterwards `make test` runs these tests, too, on fewer frames.
 cpp: $(DEVELOPMENT)
-	test -d .onnxruntime || sh examples/cpp_onnxruntime/get_onnxruntime.sh .onnxruntime .venv-dev/bin/python
+	test -e .onnxruntime/lib/libonnxruntime.so || sh examples/cpp_onnxruntime/get_onnxruntime.sh .onnxruntime .venv-dev/bin/python
 	SUPERSAMPLER_CPP_FRAMES=32 .venv-dev/bin/pytest -q -rs --timeout=1800 tests/integrations/test_cpp_onnxruntime.py
 
 hashes: $(DEVELOPMENT)

@@ -17,7 +17,7 @@ def upscaler(method="classifier", **options):
 
 
 def run_apart(
-    code: str, *options: str, seconds: float = 120.0, **environment: str
+    code: str, *options: str, seconds: float = 280.0, **environment: str
 ) -> subprocess.CompletedProcess[str]:
     """Run code, with Python's `options`; the test fails where it raises, crashes or takes longer.
 

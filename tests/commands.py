@@ -5,7 +5,9 @@ import re
 import subprocess
 import textwrap
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
+from typing import NamedTuple
 
 
 def finished(
@@ -32,6 +34,24 @@ def refused(*command: object) -> str:
     done = finished(*command)
     assert (done.returncode, done.stderr.count("\n")) == (1, 1), done.stderr
     return done.stderr
+
+
+class Running(NamedTuple):
+    """A process that has not ended; zombies have."""
+
+    pid: int
+    parent: int
+    group: int
+
+
+def processes() -> list[Running]:
+    """Return the processes of this machine that have not ended (Linux)."""
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):  # it has ended since
+            state, parent, group = stat.read_text().rpartition(")")[2].split()[:3]
+            found += [Running(int(stat.parent.name), int(parent), int(group))] if state not in "ZX" else []
+    return found
 
 
 def assert_code_is_of(page: Path, languages: str, files: Iterable[Path], least: int) -> None:

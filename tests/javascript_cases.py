@@ -23,7 +23,7 @@ if NODE is None:
 
 
 def answers(
-    kind: str, base: Path, cases: Sequence[Mapping[str, bytes]], work: Path, *, seconds: float = 60.0
+    kind: str, base: Path, cases: Sequence[Mapping[str, bytes]], work: Path, *, seconds: float = 280.0
 ) -> list[str]:
     """Return the reader's answer to each case, "read" or its error; errors of other classes fail the test.
 

@@ -86,7 +86,7 @@ def composite(settings: dict[str, Any]) -> None:
 
 
 def wait_for(path: Path) -> None:
-    until = time.monotonic() + 60
+    until = time.monotonic() + 200
     while not path.exists():
         if time.monotonic() > until:
             stop(f"{path.name} never came")

@@ -29,7 +29,7 @@ def _harmful() -> Callable[[int], object]:
 
 
 def test_signals_hangs_memory_and_other_exceptions_are_findings_and_our_own_errors_are_none() -> None:
-    raised, killed, memory, hung = sorted(run_apart(_harmful, 7, memory=1 << 29, seconds=1.0))
+    raised, killed, memory, hung = sorted(run_apart(_harmful, 7, memory=1 << 29, seconds=5.0))
     assert raised.startswith("case 2: KeyError: 'untyped'")
     assert killed.startswith("case 3: killed by SIGABRT")
     assert "MemoryError" in memory

@@ -51,7 +51,7 @@ def run(command: list[str], root: Path, name: str) -> dict[str, bytes]:
     empty = root / f"{name} starts here"
     empty.mkdir()
     arguments = [str(root / "shaders"), str(root / "frames"), str(out)]
-    done = subprocess.run([*command, *arguments], cwd=empty, capture_output=True, text=True, timeout=120)
+    done = subprocess.run([*command, *arguments], cwd=empty, capture_output=True, text=True, timeout=280)
     assert done.returncode == 0, done.stderr
     return read_images(out)
 
@@ -81,6 +81,6 @@ def test_the_host_in_c_reports_errors_in_one_line(
     if text is not None:
         (shaders / name).write_text(text)
     arguments = [str(shaders), str(tmp_path / "frames"), str(tmp_path)]
-    done = subprocess.run([str(program), *arguments], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([str(program), *arguments], capture_output=True, text=True, timeout=280)
     assert done.returncode == 1
     assert message in done.stderr

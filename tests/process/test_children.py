@@ -123,7 +123,7 @@ def test_cancel_works_where_sigint_is_ignored(
 def test_a_command_that_ignores_cancel_is_killed(
     extension: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(extension, "_PATIENCE", 0.3)
+    monkeypatch.setattr(extension, "_PATIENCE", 1000.0)
     deaf = "import signal, time; {} open('begun', 'w').close(); time.sleep(600)"
     for ignore, code in (("", -15), ("signal.signal(signal.SIGTERM, signal.SIG_IGN);", -9)):
         folder = tmp_path / str(-code)
@@ -132,6 +132,11 @@ def test_a_command_that_ignores_cancel_is_killed(
         running = extension.Run([sys.executable, "-c", deaf.format(ignore)], folder, 3)
         wait_until(lambda: (folder / "begun").exists())  # noqa: B023  # called at once
         running.cancel()
+        assert running.pump()
+        running._cancelled -= 1500.0  # terminated from now on
+        assert running.pump()
+        if ignore:
+            running._cancelled -= 1000.0  # killed from now on
         while running.wait(0.05):
             pass
         assert (running._process.returncode, running.error) == (code, "")
@@ -240,12 +245,20 @@ def test_a_program_runs_with_its_output_its_folder_and_its_code(tmp_path: Path) 
         run(["no-such-program"], seconds=SECONDS)
 
 
-def test_a_program_that_takes_too_long_is_ended_with_what_it_started(tmp_path: Path) -> None:
-    script = f"trap '' TERM; sleep 300 & echo $! > {tmp_path}/pid; while :; do sleep 1; done"
+def test_a_program_that_takes_too_long_is_ended_with_what_it_started(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    communicate, started = subprocess.Popen.communicate, tmp_path / "pid"
+
+    def begun(process: "subprocess.Popen[bytes]", timeout: float) -> object:
+        wait_until(lambda: started.exists() and started.read_text())  # which may take longer than the time
+        return communicate(process, timeout=timeout)
+
+    monkeypatch.setattr(subprocess.Popen, "communicate", begun)
+    script = f"trap '' TERM; sleep 300 & echo $! > {started}; while :; do sleep 1; done"
     with pytest.raises(subprocess.TimeoutExpired):
-        run(["sh", "-c", script], seconds=1.0)
-    pid = int((tmp_path / "pid").read_text())
-    wait_until(lambda: not is_running(pid))
+        run(["sh", "-c", script], seconds=0.5)
+    wait_until(lambda: not is_running(int(started.read_text())))
 
 
 @pytest.mark.parametrize("frozen", [False, True])
@@ -261,6 +274,7 @@ def test_close_ends_a_program_whose_supervisor_hangs(
         os.kill(child._process.pid, signal.SIGSTOP)
     child.close()
     child.output.close()
+    child._process.wait(SECONDS)
     wait_until(lambda: not is_running(int((tmp_path / "pid").read_text())))
 
 

@@ -69,6 +69,29 @@ thread.join()
 """)
 
 
+def test_a_forked_child_does_not_keep_a_folder_locked(tmp_path: Path) -> None:
+    """A worker that outlives a killed command would keep the next one from its folder."""
+    run_apart(f"""
+import os, signal, time
+from pathlib import Path
+from supersampler.io.files import FolderLock
+folder = Path({str(tmp_path)!r})
+with FolderLock(folder):
+    child = os.fork()
+    if not child:
+        (folder / "begun").touch()
+        time.sleep(600)
+    while not (folder / "begun").exists():
+        time.sleep(0.01)
+try:
+    with FolderLock(folder):
+        pass
+finally:
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+""")
+
+
 def test_workers_of_a_data_loader_step() -> None:
     run_apart(
         f"""{STEP}

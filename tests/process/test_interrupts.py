@@ -117,7 +117,7 @@ for method in methods:
 def test_an_interrupted_step_is_whole_or_never_began(threads: int) -> None:
     count = -(-ALL // (len(METHODS) * len(THREADS)))
     arguments = f"import sys; sys.argv = ['-c', {' '.join(METHODS)!r}, '{threads}', '{count}']\n"
-    run_apart(arguments + INTERRUPTED, seconds=120 + 5 * count)
+    run_apart(arguments + INTERRUPTED, seconds=240 + 5 * count)
 
 
 def test_loading_can_be_interrupted_and_done_again() -> None:

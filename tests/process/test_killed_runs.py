@@ -6,6 +6,7 @@ import random
 import subprocess
 import sys
 import time
+from itertools import count
 from pathlib import Path
 
 import pytest
@@ -40,10 +41,10 @@ def test_a_run_killed_at_any_moment_continues_to_the_same_files(tmp_path: Path, 
         process.stdout.readline()
         until_begin = time.perf_counter() - began
         process.stdout.read()
-        assert process.wait(timeout=120) == 0
+        assert process.wait(timeout=280) == 0
     until_end = time.perf_counter() - began
-    want, chance, kills = files(whole), random.Random(kind), 0
-    output = tmp_path / "0" / "out"
+    want, chance, kills, names = files(whole), random.Random(kind), 0, count()
+    output = tmp_path / str(next(names)) / "out"
     while True:
         with start(shot, output, *RUNS[kind]) as process:
             assert process.stdout is not None
@@ -55,7 +56,7 @@ def test_a_run_killed_at_any_moment_continues_to_the_same_files(tmp_path: Path, 
                     time.sleep(chance.uniform(0.0, until_end - until_begin))
                 process.kill()
             process.stdout.read()
-            code = process.wait(timeout=120)
+            code = process.wait(timeout=280)
         kills += code == -9
         found = files(output) if output.exists() else {}
         for name, data in found.items():
@@ -70,4 +71,4 @@ def test_a_run_killed_at_any_moment_continues_to_the_same_files(tmp_path: Path, 
         assert (code, [name for name in {**want, **found} if found.get(name) != want.get(name)]) == (0, [])
         if kills >= ALL // len(RUNS):
             break
-        output = tmp_path / str(kills) / "out"
+        output = tmp_path / str(next(names)) / "out"

@@ -92,7 +92,7 @@ def run(code: str, home: Path) -> Traced:
     }
     program = f"OUTPUT = {str(home / 'output')!r}\n{code}"
     command = [*watch, sys.executable, "-c", program]
-    done = subprocess.run(command, env=environment, cwd=home, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(command, env=environment, cwd=home, capture_output=True, text=True, timeout=280)
     assert done.returncode == 0, done.stderr
     return Traced(home, log.read_text(errors="replace") if log.exists() else "")
 

@@ -57,11 +57,14 @@ time.sleep(0.05)
 def test_an_exit_raised_in_a_step_ends_the_process() -> None:
     run_apart(f"""{STEP}
 import atexit, signal, sys
-signal.signal(signal.SIGALRM, lambda *_: sys.exit(0))
+def end(*_):
+    signal.setitimer(signal.ITIMER_REAL, 10.0)  # again, as Python ignores an exit raised in a `__del__`
+    sys.exit(0)
+signal.signal(signal.SIGALRM, end)
 atexit.register(signal.setitimer, signal.ITIMER_REAL, 0.0)  # else it would end a process that ends slowly
 u = upscaler("taau", display_size=(640, 360))
 frame = noise(1, (320, 180))
-signal.setitimer(signal.ITIMER_REAL, 0.1, 0.1)  # again, as Python ignores an exit raised in a `__del__`
+signal.setitimer(signal.ITIMER_REAL, 0.1)
 while True:
     u.step(frame)
 """)

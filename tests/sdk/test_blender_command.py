@@ -114,6 +114,21 @@ def test_a_scene_that_has_changed_is_not_continued_and_another_blender_is_noted(
     assert rendered(tmp_path) == [7, 8]
 
 
+def test_a_render_that_began_in_a_new_folder_after_the_checks_of_another_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def other_begins(path: str) -> str:
+        monkeypatch.undo()
+        succeeded(blender(tmp_path))
+        return find_blender(path)
+
+    monkeypatch.setattr("supersampler.integrations.blender.render.find_blender", other_begins)
+    assert "frames of another render are there: samples was None" in one_line(
+        blender(tmp_path, "--samples", 2)
+    )
+    assert rendered(tmp_path) == [5, 6, 7, 8]
+
+
 COMPOSITED = ["0005.png", "0006.png", "0007.png", "0008.png"]
 
 
@@ -380,15 +395,15 @@ def test_a_link_in_place_of_a_frame_is_not_accepted(tmp_path: Path, monkeypatch:
 def test_a_blender_that_ignores_signals_is_killed(tmp_path: Path) -> None:
     began = time.monotonic()
     assert "no camera" in one_line(blender(tmp_path, stubborn=True, error="no camera"))
-    assert time.monotonic() - began < 60
+    assert time.monotonic() - began < 200  # it would hang for 600
     wait_until(lambda: not is_running(int((tmp_path / "pid").read_text())))
 
 
 @pytest.mark.long  # waits for seconds
 def test_a_process_orphaned_by_blender_does_not_block_the_command(tmp_path: Path) -> None:
     began = time.monotonic()
-    assert "SIGABRT" in one_line(blender(tmp_path, daughter=120, crash_at=6))
-    assert time.monotonic() - began < 60
+    assert "SIGABRT" in one_line(blender(tmp_path, daughter=250, crash_at=6))
+    assert time.monotonic() - began < 200
 
 
 # --- the shot that `supersampler blender` renders: motion, sky, jitter, and its render.json ---

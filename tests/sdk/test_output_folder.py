@@ -11,11 +11,11 @@ import pytest
 
 from noise import noise
 from supersampler import ShotError
-from supersampler.cli.results import read_run_record
+from supersampler.cli.results import Results, read_run_record
 from supersampler.io.files import FolderLock, check_apart, check_inside, is_regular, remove_partial_files
 from supersampler.io.images import write_exr
 from supersampler.io.shot import Shot, ShotWriter, copy_shot
-from upscale_runs import refusal, run, upscale, write_shot
+from upscale_runs import interrupt_at, refusal, run, upscale, write_shot
 
 COUNT = 4
 FOREIGN = "upscale.json does not list it"
@@ -64,6 +64,32 @@ def test_runs_write_into_one_folder_at_once_only_if_they_have_ranges(
         else:
             assert "out: another run writes to it. Wait for it" in refused(shot, tmp_path / "out", *options)
             assert content(tmp_path / "out") == before
+    upscale(shot, tmp_path / "out")
+
+
+def test_a_run_that_began_in_a_new_folder_after_the_checks_of_another_is_kept(
+    shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out, check = tmp_path / "out", Results._check_free
+
+    def other_begins(results: Results, *arguments: Any) -> None:
+        check(results, *arguments)
+        monkeypatch.undo()
+        upscale(shot, out)
+
+    monkeypatch.setattr(Results, "_check_free", other_begins)
+    assert "another run are there: method was bilinear, is now bicubic" in refused(
+        shot, out, "--method", "bicubic"
+    )
+    upscale(shot, out)
+
+
+def test_a_run_stopped_before_its_first_image_may_be_followed_by_another(
+    shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as patch:
+        interrupt_at(0, patch)
+        assert run("upscale", shot, "-o", tmp_path / "out", "--method", "bicubic").exit_code == 130
     upscale(shot, tmp_path / "out")
 
 

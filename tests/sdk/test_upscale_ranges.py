@@ -103,7 +103,7 @@ def test_two_ranges_at_once_into_one_folder_are_the_whole(shot: Path, tmp_path: 
         for ranges in ("0-9", "10-23")
     ]
     for worker in workers:
-        said = worker.communicate(timeout=120)[1]
+        said = worker.communicate(timeout=280)[1]
         assert worker.returncode == 0, said
     upscale(shot, tmp_path / "whole", "--preroll", "2")
     assert images(tmp_path / "out") == images(tmp_path / "whole")

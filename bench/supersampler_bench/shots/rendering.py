@@ -7,8 +7,9 @@ from pathlib import Path
 
 from supersampler import ShotError, halton_jitter
 from supersampler.frame import Float32, Frame, Size
-from supersampler.io.files import replacing
+from supersampler.io.files import FolderLock, replacing
 from supersampler_bench.shots.public_shots import (
+    NAME,
     PROVENANCE,
     TEST_SHOTS,
     TestShots,
@@ -73,10 +74,13 @@ def render_test_shots(
 
     Raises:
         DataError: a worker failed; complete frames stay, and the next run continues.
+        ShotError: another run renders into the cache.
     """
     families = list(shots.seeds)
     parts = [families[k::workers] for k in range(min(workers, len(families)))]
-    run_parts([partial(_render, cache, shots, part) for part in parts], on_frame=on_frame)
+    with FolderLock(cache / NAME) as lock:
+        lock.take_new()
+        run_parts([partial(_render, cache, shots, part) for part in parts], on_frame=on_frame)
 
 
 def render_test_shot(

@@ -30,14 +30,15 @@ def run_parts(parts: Sequence[Part], *, on_frame: OnFrame = lambda: None) -> Non
     results = context.Queue()
     threads = max((os.cpu_count() or 1) // max(len(parts), 1), 1)
     processes = [context.Process(target=_work, args=(part, results, threads), daemon=True) for part in parts]
-    for process in processes:
-        process.start()
     try:
+        for process in processes:
+            process.start()
         _report(processes, results, on_frame)
     finally:
-        for process in processes:
+        started = [process for process in processes if process.pid is not None]
+        for process in started:
             process.terminate()
-        for process in processes:
+        for process in started:
             process.join(_EXIT_SECONDS)
             if process.is_alive():
                 process.kill()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+from contextlib import suppress
 from pathlib import Path
 from statistics import mean
 from typing import TYPE_CHECKING, Annotated, Any, cast
@@ -11,7 +12,7 @@ import typer
 
 from supersampler.cli.terminal import Terminal, counted
 from supersampler.errors import ArgumentError, did_you_mean
-from supersampler.io.files import check_ours
+from supersampler.io.files import FolderLock, check_ours, remove_partial_files
 from supersampler.methods.registry import listed_methods, methods
 
 if TYPE_CHECKING:
@@ -29,7 +30,8 @@ WEIGHTS = "weights.safetensors"  # in the folder of a run
 
 
 @app.command()
-def train(
+def train(  # noqa: PLR0913  # options of a command
+    context: typer.Context,
     name: Annotated[str, typer.Argument(metavar="METHOD", help=f"{listed_methods(_LEARNED.values())}.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the run.")],
     data: Annotated[list[Path] | None, typer.Option(help="Training set; may be repeated.")] = None,
@@ -70,16 +72,18 @@ def train(
     from supersampler_model.data.dataset.storage import open_dataset
     from supersampler_model.methods.base import load_trained, shipped_weights
     from supersampler_model.training.datasets import dataset_of_shots
-    from supersampler_model.training.run_log import read_log
+    from supersampler_model.training.run_log import TABLE, read_log
     from supersampler_model.training.task import start_task
-    from supersampler_model.training.trainer import Trainer, TrainingPlan
+    from supersampler_model.training.trainer import CHECKPOINT, Trainer, TrainingPlan
     from supersampler_model.training.validation import validate, validation_entries
 
     torch.manual_seed(seed)
     _check_free(output)
     read_log(output)  # fails before the updates, not after them
     authors = [] if attributions is None else _lines(attributions)
-    output.mkdir(parents=True, exist_ok=True)
+    lock = context.with_resource(FolderLock(output))  # until the command ends
+    lock.take_new()
+    remove_partial_files(output, {CHECKPOINT, WEIGHTS, TABLE}.__contains__)
     datasets = [open_dataset(folder) for folder in data or []]
     for paths, split in ((shot, "train"), (validation_shot, "validation")):
         if paths:
@@ -139,11 +143,12 @@ def update_and_save(trainer: Trainer, until: int, updates: list[Update]) -> None
 
         def count(update: Update) -> None:
             updates.append(update)
-            advance()
+            if not stop.requested:  # afterwards, `tee` may have ended, too
+                advance()
 
         with StopRequest() as stop:
             trainer.run(until, on_update=count, stops=lambda: stop.requested)
-        trainer.save()
+            trainer.save()
     if stop.requested and trainer.done < trainer.plan.steps:
         _CONSOLE.print(f"Stopped after {trainer.done} updates. Run the same command to resume.")
         raise typer.Exit(130)
@@ -151,6 +156,8 @@ def update_and_save(trainer: Trainer, until: int, updates: list[Update]) -> None
 
 class StopRequest:
     """Context manager that records the first SIGINT or SIGTERM; the second one raises KeyboardInterrupt.
+
+    A signal that is ignored, as in a script's background, stays ignored.
 
     Attributes:
         requested: whether a signal was received. The trainer then finishes and saves the current update.
@@ -161,7 +168,8 @@ class StopRequest:
         self._before: dict[int, Any] = {}
 
     def __enter__(self) -> StopRequest:
-        self._before = {number: signal.signal(number, self._stop) for number in _SIGNALS}
+        heard = [number for number in _SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]
+        self._before = {number: signal.signal(number, self._stop) for number in heard}
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -170,9 +178,10 @@ class StopRequest:
 
     def _stop(self, _number: int, _frame: FrameType | None) -> None:
         self.requested = True
-        for number in _SIGNALS:
+        for number in self._before:
             signal.signal(number, signal.default_int_handler)
-        _CONSOLE.print("Stopping after this update. Ctrl-C again stops at once, without saving.")
+        with suppress(OSError, RuntimeError, SystemExit):  # nobody reads it, or this interrupts another line
+            _CONSOLE.print("Stopping after this update. Ctrl-C again stops at once, without saving.")
 
 
 def _steps_of_weights(output: Path) -> int:

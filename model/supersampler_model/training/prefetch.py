@@ -5,11 +5,14 @@ which moves to another process, or to a GPU, in one copy.
 """
 
 import atexit
+import pickle
 import signal
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 from torch.utils import _pytree as pytree
@@ -39,15 +42,21 @@ class Slot:
 
 @dataclass(frozen=True)
 class PackedCrops:
-    """One frame of some crops."""
+    """One frame of some crops, in one buffer.
 
-    buffer: Tensor  # bytes of all tensors
-    crops: list[Any]  # the crops, with slots in place of tensors
-    positions: list[StreamPosition]  # of each stream after this frame
+    A worker passes on the buffer's name and little else. A pipe takes so few bytes all at once or not at all:
+    if a worker was killed in the middle of a message, the trainer would wait for the rest forever.
+    """
+
+    buffer: Tensor  # bytes of all tensors, and of the pickled rest
+    end: int  # of the tensors
 
     @classmethod
     def of(cls, crops: list[Any], positions: list[StreamPosition]) -> "PackedCrops":
-        """Pack crops, which are nested tuples and dictionaries of tensors and other values."""
+        """Pack crops, which are nested tuples and dictionaries of tensors and other values.
+
+        `positions` are those of each stream after this frame.
+        """
         tensors: dict[Slot, Tensor] = {}
         end = 0
 
@@ -55,23 +64,26 @@ class PackedCrops:
             nonlocal end
             slot = Slot(end, tensor.shape, tensor.dtype)
             tensors[slot] = tensor
-            end += -(-tensor.nbytes // ALIGNMENT) * ALIGNMENT
+            end += _aligned(tensor.nbytes)
             return slot
 
         slots = pytree.tree_map_only(Tensor, place, crops)
-        buffer = torch.empty(end, dtype=torch.uint8)
+        rest = pickle.dumps(list(zip(slots, positions, strict=True)))
+        buffer = torch.empty(end + _aligned(len(rest)), dtype=torch.uint8)
         for slot, tensor in tensors.items():
             slot.of(buffer).copy_(tensor)
-        return cls(buffer, slots, positions)
+        buffer.numpy()[end : end + len(rest)] = np.frombuffer(rest, np.uint8)
+        return cls(buffer, end)
 
     def pin_memory(self) -> "PackedCrops":
         """Return a copy in page-locked memory, for asynchronous copies to a GPU; the loader calls this."""
         return replace(self, buffer=self.buffer.pin_memory())
 
-    def on(self, device: torch.device) -> list[Any]:
-        """Return the crops with their tensors on a device."""
-        buffer = self.buffer.to(device, non_blocking=True)
-        return list(pytree.tree_map_only(Slot, lambda slot: slot.of(buffer), self.crops))
+    def on(self, device: torch.device) -> list[tuple[Any, StreamPosition]]:
+        """Return the crops with their tensors on a device, and the position of each stream."""
+        parts = pickle.loads(self.buffer[self.end :].numpy().tobytes())  # noqa: S301  # of our own process
+        buffer = self.buffer[: self.end].to(device, non_blocking=True)
+        return list(pytree.tree_map_only(Slot, lambda slot: slot.of(buffer), parts))
 
 
 class _Frames(IterableDataset[PackedCrops | SupersamplerError]):
@@ -117,9 +129,10 @@ def frames_of(
         worker_init_fn=_ignore_signals,
         prefetch_factor=AHEAD if workers else None,
     )
-    parts: Any = iter(loader)
-    if workers:
-        _stop_watching(parts)
+    with _end_of_a_worker_as_data_error():
+        parts: Any = iter(loader)
+        if workers:
+            _stop_watching(parts)
     turns = max(workers, 1)  # from each worker in turn
     end: Callable[[], None] = parts._shutdown_workers if workers else lambda: None
     atexit.register(end)  # by itself, torch leaves them to a SIGTERM at exit, which they ignore
@@ -127,19 +140,21 @@ def frames_of(
         while True:
             frame: list[Any] = [None] * len(streams)
             for turn in range(turns):
-                packed = _next_of(parts)
+                with _end_of_a_worker_as_data_error():
+                    packed = next(parts)
                 if isinstance(packed, SupersamplerError):
                     raise packed
-                frame[turn::turns] = zip(packed.on(device), packed.positions, strict=True)
+                frame[turn::turns] = packed.on(device)
             yield frame
     finally:
         atexit.unregister(end)
         end()
 
 
-def _next_of(parts: Iterator[PackedCrops | SupersamplerError]) -> PackedCrops | SupersamplerError:
+@contextmanager
+def _end_of_a_worker_as_data_error() -> Iterator[None]:
     try:
-        return next(parts)
+        yield
     except (ConnectionError, EOFError, RuntimeError) as error:  # the first two while it passes a buffer on
         if isinstance(error, RuntimeError) and not str(error).startswith("DataLoader worker"):
             raise
@@ -154,6 +169,10 @@ def _stop_watching(parts: Any) -> None:
     """
     torch._C._remove_worker_pids(id(parts))
     parts._worker_pids_set = False
+
+
+def _aligned(size: int) -> int:
+    return -(-size // ALIGNMENT) * ALIGNMENT
 
 
 def _as_is(crops: Any) -> Any:

@@ -219,9 +219,8 @@ class FrameRun:
         self._results, count = Results(self.output, self.images), len(self._plan.numbers)
         results = self._results
         self._first = first = results.begin(
-            settings, count, self._kept, overwrite=self.overwrite, page=self.compare
+            settings, count, self._kept, lock, overwrite=self.overwrite, page=self.compare
         )
-        lock.take()  # of a new folder
         for note in self._changes():
             self.console.print(note, soft_wrap=True)
         page = self.compare and not (first == count and results.is_newest(results.record.page))
@@ -240,6 +239,7 @@ class FrameRun:
             self._run(max(begins, 0), page=page, video=video)
         except KeyboardInterrupt:
             complete = results.count_complete(count)
+            results.end_without_files()
             self.console.print(f"Stopped: {complete} of {count} frames are complete.")
             self.console.print("Run the same command to resume.")
             raise typer.Exit(130) from None

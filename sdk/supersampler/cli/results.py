@@ -26,6 +26,7 @@ from supersampler.frame import Float32
 from supersampler.io import display_transforms, images
 from supersampler.io.display import to_uint8, to_uint16
 from supersampler.io.files import (
+    FolderLock,
     is_own_folder,
     is_regular,
     is_there,
@@ -408,6 +409,7 @@ class Results:
         settings: Mapping[str, object],
         frame_count: int,
         kept: Callable[[FramesRead], int],
+        lock: FolderLock,
         *,
         overwrite: bool,
         page: bool = False,
@@ -419,6 +421,7 @@ class Results:
             frame_count: number of frames.
             kept: returns the number of images, from the first on, that are valid if an earlier run has read
                 these frames; later ones are removed.
+            lock: the lock of the folder.
             overwrite: whether to remove the files of an earlier run instead of continuing it. A demo
                 always removes the files of a demo with other settings.
             page: whether the page will be written.
@@ -449,6 +452,8 @@ class Results:
         self._check_free(record, frame_count, single)
         if self.options.video:
             check_video_encoder(self.folder / record.video)
+        if lock.take_new():
+            return self.begin(settings, frame_count, kept, lock, overwrite=overwrite, page=page)
         listed, kept_files = [*self.record.files], {} if overwrite else self.record.files
         self.has_outdated = any(count > valid for name, count in kept_files.items() if name != record.page)
         if self.has_outdated:  # page and video show outdated images, too

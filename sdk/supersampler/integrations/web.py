@@ -20,7 +20,7 @@ import msgspec
 import numpy as np
 
 from supersampler.backends.cpu import library
-from supersampler.errors import ArgumentError, ShotError
+from supersampler.errors import ArgumentError, ShotError, SupersamplerError
 from supersampler.io.files import is_there, os_errors_as_shot_error, write_bytes
 from supersampler.io.images import encode_exr
 from supersampler.io.json_files import read_typed
@@ -239,7 +239,7 @@ class _Handler(BaseHTTPRequestHandler):
             return
         try:
             data = content()
-        except ShotError:
+        except SupersamplerError:
             self.send_error(HTTPStatus.INTERNAL_SERVER_ERROR)
             return
         self.send_response(HTTPStatus.OK)

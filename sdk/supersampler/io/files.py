@@ -8,6 +8,7 @@ only names that they chose, or that their own record lists and that they could h
 import os
 import re
 import secrets
+import weakref
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from io import FileIO
@@ -109,7 +110,7 @@ class FolderLock:
     """Lock of a folder that a run writes to, for a block; it ends with the process.
 
     `is_shared` locks may be held together, by runs that write different files. Nothing is locked on Windows,
-    where the file system has no such locks, and until the folder exists.
+    where the file system has no such locks. A folder that does not exist is locked by `take_new`.
 
     Raises:
         ShotError: another run holds the folder.
@@ -120,7 +121,8 @@ class FolderLock:
         self._held: int | None = None
 
     def __enter__(self) -> Self:
-        self.take()
+        if is_folder(self._folder):
+            self._take()
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -128,12 +130,24 @@ class FolderLock:
             os.close(self._held)
             self._held = None
 
-    def take(self) -> None:
-        """Lock the folder, if it exists by now."""
-        if fcntl is None or self._held is not None or not is_folder(self._folder):
+    def take_new(self) -> bool:
+        """Make and lock the folder if it did not exist when the block began; return whether it did not.
+
+        Another run may have begun in it since: what was read of the folder has to be read again.
+        """
+        if fcntl is None or self._held is not None:
+            return False
+        with os_errors_as_shot_error(self._folder, "written", NO_ROOM):
+            self._folder.mkdir(parents=True, exist_ok=True)
+        self._take()
+        return True
+
+    def _take(self) -> None:
+        if fcntl is None:
             return
         with os_errors_as_shot_error(self._folder):
             self._held = os.open(self._folder, os.O_RDONLY)
+        _LOCKS.add(self)
         try:
             fcntl.flock(self._held, fcntl.LOCK_NB | (fcntl.LOCK_SH if self._is_shared else fcntl.LOCK_EX))
         except BlockingIOError:
@@ -142,6 +156,19 @@ class FolderLock:
             raise ShotError(self._folder, "another run writes to it", hint) from None
         except OSError:  # of a network drive
             return
+
+
+_LOCKS: "weakref.WeakSet[FolderLock]" = weakref.WeakSet()
+
+
+def _leave_to_parent() -> None:
+    """Close the locks in a forked child, which may outlive its parent; the parent keeps them."""
+    for lock in _LOCKS:
+        lock.__exit__()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_leave_to_parent)
 
 
 class LogFile:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from supersampler import ShotError
+from supersampler.io.files import FolderLock
 from supersampler.io.images import read_exr, write_exr
 from supersampler.io.shot import Shot, copy_shot
 from supersampler_bench.quality.score_table import QualityRecord
@@ -116,6 +117,12 @@ def test_a_second_run_renders_nothing_and_another_driver_is_refused(
     monkeypatch.setattr("supersampler_bench.shots.rendering.driver_name", lambda _: "another")
     with pytest.raises(ShotError, match=r"court: the existing shot has the driver .*run's is another"):
         render_test_shot(cache, TINY, "court")
+
+
+def test_two_runs_do_not_render_into_one_cache_at_once(tmp_path: Path) -> None:
+    (tmp_path / "test-shots").mkdir()
+    with FolderLock(tmp_path / "test-shots"), pytest.raises(ShotError, match="another run writes to it"):
+        render_test_shots(tmp_path, TINY)
 
 
 def test_a_worker_reports_its_errors(cache: Path) -> None:

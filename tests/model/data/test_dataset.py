@@ -13,7 +13,7 @@ from safetensors.numpy import load_file
 from gl_scenes import Yard
 from gltf_files import cube, strip
 from supersampler import ArgumentError, ShotError, halton_jitter
-from supersampler.io.files import FolderLock
+from supersampler.io.files import FolderLock, write_text
 from supersampler_model.data.dataset import rendering
 from supersampler_model.data.dataset.overview import frequencies, rows
 from supersampler_model.data.dataset.rendering import RenderPlan, plan_sequences, render_sequence
@@ -164,6 +164,19 @@ def test_two_runs_do_not_render_into_one_set_at_once(tmp_path: Path) -> None:
     dataset = create_dataset(tmp_path, description())
     with FolderLock(tmp_path), pytest.raises(ShotError, match="another run writes to it"):
         rendering.render_dataset(dataset)
+
+
+def test_of_two_runs_that_begin_a_set_at_once_one_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def other_begins(path: Path, text: str) -> None:
+        with pytest.raises(ShotError, match="another run writes to it"):
+            create_dataset(tmp_path / "set", description(gbuffers=True))
+        write_text(path, text)
+
+    monkeypatch.setattr("supersampler_model.data.dataset.storage.write_text", other_begins)
+    create_dataset(tmp_path / "set", description())
+    assert open_dataset(tmp_path / "set").description == description()
 
 
 def test_a_full_disk_leaves_whole_frames_only(

@@ -1,17 +1,22 @@
 """`supersampler render`: its files, interruptions, full disks and invalid options."""
 
+import multiprocessing
 import os
+import pickle
 import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.testing import Result
 
+from commands import processes
 from gltf_files import cube
 from supersampler_model.data.dataset.storage import open_dataset, read_training_frame
+from supersampler_model.data.processes import run_parts
 from upscale_runs import run, succeeded
 
 SMALL = ("--frames", "2", "--display-size", "64x36", "--samples", "4", "--ratio", "2")
@@ -67,6 +72,13 @@ def test_a_disk_error_is_one_line_and_the_next_run_continues(tmp_path: Path) -> 
     assert render(out, *options).exit_code == 0
 
 
+def test_processes_that_have_started_end_where_another_cannot_start() -> None:
+    parts: list[Any] = [id, lambda _: None]
+    with pytest.raises((pickle.PicklingError, AttributeError), match="lambda"):
+        run_parts(parts)
+    assert multiprocessing.active_children() == []
+
+
 @pytest.mark.long  # kills a process
 def test_a_killed_run_leaves_whole_frames_ends_its_workers_and_continues(tmp_path: Path) -> None:
     out, options = tmp_path / "set", ("--scenes", "floors", "--sequences", "1", *SMALL, "--frames", "24")
@@ -92,14 +104,12 @@ def test_a_killed_run_leaves_whole_frames_ends_its_workers_and_continues(tmp_pat
 
 
 def _wait_for_the_end_of_group(group: int) -> None:
-    for _ in range(1500):
-        try:
-            os.killpg(group, 0)
-        except ProcessLookupError:
-            return
-        time.sleep(0.02)
-    os.killpg(group, signal.SIGKILL)
-    pytest.fail("workers outlive a killed run")
+    until = time.monotonic() + 100.0
+    while any(process.group == group for process in processes()):
+        if time.monotonic() > until:
+            os.killpg(group, signal.SIGKILL)
+            pytest.fail("workers outlive a killed run")
+        time.sleep(0.05)
 
 
 def test_a_broken_file_is_named_before_anything_is_written(files: Path, tmp_path: Path) -> None:

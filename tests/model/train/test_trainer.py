@@ -7,6 +7,7 @@ import multiprocessing
 import multiprocessing.connection
 import os
 import re
+import select
 import shutil
 import signal
 import subprocess
@@ -23,9 +24,12 @@ import torch
 import typer
 
 from supersampler import halton_jitter
+from supersampler.cli import terminal
+from supersampler.cli.terminal import Terminal
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import Size
 from supersampler.io.display import decibels, display_transform
+from supersampler.io.files import FolderLock
 from supersampler.io.shot import ClassMaps, Shot, ShotWriter
 from supersampler_model import ops
 from supersampler_model.data.dataset import overview
@@ -146,6 +150,38 @@ def test_a_worker_that_ends_while_it_passes_a_buffer_is_one_line(
         trainer(dataset, tmp_path, workers=1).run(until=1)
 
 
+def test_a_worker_that_ends_while_others_start_is_one_line(
+    dataset: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def killed(_parts: object) -> None:  # in a signal handler of torch
+        raise RuntimeError("DataLoader worker (pid 1) is killed by signal: Killed. ")
+
+    monkeypatch.setattr("supersampler_model.training.prefetch._stop_watching", killed)
+    with pytest.raises(DataError, match=r"worker process .* ended: .*Killed\. .* Run again to resume"):
+        trainer(dataset, tmp_path, workers=1).run(until=1)
+
+
+@pytest.mark.skipif(multiprocessing.get_start_method() != "fork", reason="workers would not be patched")
+@pytest.mark.timeout(60)
+def test_a_worker_that_is_killed_in_the_middle_of_a_message_is_one_line(
+    dataset: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A pipe takes PIPE_BUF bytes as a whole. After a part of a message, the trainer would wait forever."""
+    trains, send = os.getpid(), multiprocessing.connection.Connection._send  # type: ignore[attr-defined]
+
+    def send_and_end(connection: Any, data: bytes, *_: object) -> None:
+        if os.getpid() == trains:
+            send(connection, data)
+            return
+        os.write(connection.fileno(), data[: select.PIPE_BUF])
+        os.kill(os.getpid(), signal.SIGKILL)
+
+    monkeypatch.setattr("multiprocessing.connection.Connection._send", send_and_end)
+    many = dataclasses.replace(PLAN, batch=64, frames=1, size=17)
+    with pytest.raises(DataError, match=r"worker process .* ended.* Run again to resume"):
+        trainer(dataset, tmp_path, many, workers=1).run(until=1)
+
+
 class Interrupting(list[Update]):
     """Updates; Ctrl-C is pressed so many times when the second one is added."""
 
@@ -166,10 +202,55 @@ def test_ctrl_c_saves_the_finished_updates(dataset: Dataset, tmp_path: Path, unt
     assert signal.getsignal(signal.SIGINT) is before
 
 
+def test_ctrl_c_while_updates_are_saved_saves_them(
+    dataset: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    save = Trainer.save
+
+    def interrupted(run: Trainer) -> None:
+        signal.raise_signal(signal.SIGINT)
+        save(run)
+
+    monkeypatch.setattr(Trainer, "save", interrupted)
+    with pytest.raises(typer.Exit):
+        update_and_save(trainer(dataset, tmp_path), 1, [])
+    assert load_checkpoint(tmp_path / CHECKPOINT)["done"] == 1
+
+
+def test_ctrl_c_saves_the_finished_updates_if_nobody_reads_the_messages(
+    dataset: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ctrl-C also ends `tee` in `supersampler train ... 2>&1 | tee log`."""
+
+    def refuse(*_: object, **__: object) -> None:  # as rich does after a broken pipe
+        raise SystemExit(1)
+
+    class Last(list[Update]):
+        def append(self, update: Update) -> None:
+            super().append(update)
+            monkeypatch.setattr(Terminal, "print", refuse)
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(terminal, "LOG_SECONDS", 0.0)
+    with pytest.raises(SystemExit):
+        update_and_save(trainer(dataset, tmp_path), PLAN.steps, Last())
+    assert load_checkpoint(tmp_path / CHECKPOINT)["done"] == 1
+
+
 def test_ctrl_c_in_the_last_update_ends_as_any_run(dataset: Dataset, tmp_path: Path) -> None:
     run = trainer(dataset, tmp_path, dataclasses.replace(PLAN, steps=2))
     update_and_save(run, 2, Interrupting())
     assert run.done == run.plan.steps
+
+
+def test_an_ignored_signal_stays_ignored(dataset: Dataset, tmp_path: Path) -> None:
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        updates = Interrupting()
+        update_and_save(trainer(dataset, tmp_path), 3, updates)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert len(updates) == 3
 
 
 def test_ctrl_c_twice_stops_at_once(dataset: Dataset, tmp_path: Path) -> None:
@@ -320,6 +401,29 @@ def test_a_run_takes_its_folder_before_the_first_update(
     with pytest.raises(pytest.fail.Exception):
         run(*command)
     assert "of another plan (batch 8)" in run(*command, "--batch", 4).stderr
+
+
+def test_two_runs_do_not_train_in_one_folder_at_once(dataset: Dataset, tmp_path: Path) -> None:
+    """One that follows a killed run removes the checkpoint that was being written."""
+    partial = tmp_path / ".checkpoint.01234567.partial.pt"
+    partial.touch()
+    command = [
+        "train",
+        "classifier-small",
+        "--data",
+        dataset.folder,
+        "-o",
+        tmp_path,
+        "--steps",
+        1,
+        "--size",
+        17,
+    ]
+    with FolderLock(tmp_path):
+        assert "another run writes to it" in run(*command).stderr
+    assert partial.exists()
+    assert run(*command).exit_code == 0
+    assert not partial.exists()
 
 
 def refuse(*_: object) -> None:

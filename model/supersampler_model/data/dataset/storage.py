@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler import Frame, ShotError
-from supersampler.io.files import is_there, write_text
+from supersampler.io.files import FolderLock, is_there, write_text
 from supersampler.io.json_files import FileSize, check_version, read_typed
 from supersampler.io.safetensors import open_safetensors, write_safetensors
 from supersampler_model.data.errors import DatasetError, check_number
@@ -277,11 +277,14 @@ def create_dataset(folder: Path, description: Description) -> Dataset:
 
     Raises:
         DatasetError: the folder holds a set of another description or of changed files, or folders of no set.
+        ShotError: another run writes to the folder, or the disk refuses.
     """
     path = folder / FILE_NAME
-    if is_there(path):
-        _check_same(path, open_dataset(folder).description, description)
-    else:
+    with FolderLock(folder) as lock:
+        lock.take_new()
+        if is_there(path):
+            _check_same(path, open_dataset(folder).description, description)
+            return Dataset(folder, description)
         for entry in description.sequences:
             if is_there(folder / entry.folder):
                 hint = "Move it away, or choose another folder."

@@ -153,8 +153,9 @@ def rendering(
             yield rendered.rendering(lambda _: None, lambda: None)
             return
         program = find_blender(request.program)
+        if lock.take_new():
+            rendered.begin(overwrite=overwrite)
         log = rendered.prepare()
-        lock.take()  # of a new folder
         yield from _rendered(rendered, program, log)
 
 
