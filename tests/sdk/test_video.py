@@ -1,5 +1,7 @@
 """Tests of videos: they are decoded again by PyAV and compared with the images."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -35,20 +37,21 @@ def write(path: Path, images: list[Any], rate: float = 24.0, size: tuple[int, in
             writer(image)
 
 
-def decoded(path: Path) -> tuple[Any, list[Any]]:
+@contextmanager
+def decoded(path: Path) -> Iterator[tuple[Any, list[Any]]]:
+    """Open a video; yields its stream and images."""
     with av.open(str(path)) as container:
         stream = container.streams.video[0]
-        images = [frame.to_ndarray(format="rgb24") for frame in container.decode(stream)]
-        return stream, images
+        yield stream, [frame.to_ndarray(format="rgb24") for frame in container.decode(stream)]
 
 
 def test_a_video_has_the_images_in_order_at_their_size_and_rate(tmp_path: Path) -> None:
     images = [gradient((96, 64), number) for number in range(7)]
     write(tmp_path / "new" / "a.mp4", images, 23.976)
-    stream, found = decoded(tmp_path / "new" / "a.mp4")
-    assert len(found) == 7
-    assert (stream.width, stream.height, stream.average_rate) == (96, 64, Fraction(24000, 1001))
-    assert stream.duration * stream.time_base == 7 / Fraction(24000, 1001)
+    with decoded(tmp_path / "new" / "a.mp4") as (stream, found):
+        assert len(found) == 7
+        assert (stream.width, stream.height, stream.average_rate) == (96, 64, Fraction(24000, 1001))
+        assert stream.duration * stream.time_base == 7 / Fraction(24000, 1001)
     for image, decoded_image in zip(images, found, strict=True):
         assert np.abs(decoded_image.astype(int) - image).mean() < 2
 
@@ -56,11 +59,11 @@ def test_a_video_has_the_images_in_order_at_their_size_and_rate(tmp_path: Path) 
 def test_colours_stay_as_they_are_and_are_tagged_as_bt709(tmp_path: Path) -> None:
     path, image = tmp_path / "a.mp4", np.tile(COLORS.repeat(32, axis=0), (32, 1, 1))
     write(path, [image], size=(image.shape[1], image.shape[0]))
-    stream, _ = decoded(path)
-    context = stream.codec_context
-    tags = (context.color_primaries, context.color_trc, context.colorspace, context.color_range)
-    assert tags == (1, 1, 1, 1)
-    assert context.pix_fmt == "yuv420p"
+    with decoded(path) as (stream, _):
+        context = stream.codec_context
+        tags = (context.color_primaries, context.color_trc, context.colorspace, context.color_range)
+        assert tags == (1, 1, 1, 1)
+        assert context.pix_fmt == "yuv420p"
     with av.open(str(path)) as container:  # by the tags alone: luma and chroma of BT.709, range 16 to 235
         planes = next(container.decode(video=0)).to_ndarray().astype(float)
     height = image.shape[0]
@@ -74,10 +77,10 @@ def test_an_odd_size_repeats_the_last_column_and_row(tmp_path: Path) -> None:
     image = gradient((95, 63), 0)
     image[:, -1], image[-1] = 200, 200
     write(tmp_path / "a.mp4", [image], size=(95, 63))
-    _, (found,) = decoded(tmp_path / "a.mp4")
-    assert found.shape == (64, 96, 3)
-    assert np.abs(found[:63, :95].astype(int) - image).mean() < 3
-    assert np.abs(found[-1].astype(int) - 200).mean() < 8
+    with decoded(tmp_path / "a.mp4") as (_, (found,)):
+        assert found.shape == (64, 96, 3)
+        assert np.abs(found[:63, :95].astype(int) - image).mean() < 3
+        assert np.abs(found[-1].astype(int) - 200).mean() < 8
 
 
 @pytest.mark.parametrize(
