@@ -135,12 +135,12 @@ class FolderLock:
 
         Another run may have begun in it since: what was read of the folder has to be read again.
         """
-        if fcntl is None or self._held is not None:
+        if self._held is not None:
             return False
         with os_errors_as_shot_error(self._folder, "written", NO_ROOM):
             self._folder.mkdir(parents=True, exist_ok=True)
         self._take()
-        return True
+        return self._held is not None
 
     def _take(self) -> None:
         if fcntl is None:
