@@ -12,7 +12,7 @@ from typing import TypeAlias
 from supersampler.arguments import as_index, checked_path, is_row
 from supersampler.errors import ArgumentError, MissingFramesError, ShotError, shown
 from supersampler.io.files import NOT_FOUND, SHOT_FRAMES, check_inside, is_folder
-from supersampler.io.json_files import read_json
+from supersampler.io.json_files import read_typed
 from supersampler.io.shot.format import FORBIDDEN, LARGEST_NUMBER, is_frame_range
 
 JITTER_FILE_NAME = "jitter.json"
@@ -169,15 +169,17 @@ def read_jitter(folder: Path, jitter: Jitter | None, indices: Iterable[int]) -> 
         if not (folder / JITTER_FILE_NAME).exists():
             return [(0.0, 0.0) for _ in indices]
         jitter = folder / JITTER_FILE_NAME
-    values = read_json(Path(jitter)) if isinstance(jitter, Path | str) else jitter
     want = "pairs [x, y], one for each frame; a shorter list repeats"
+    if isinstance(jitter, Path | str):
+        pairs = read_typed(Path(jitter), list[tuple[float, float]], f"It holds {want}.")
+        if not pairs:
+            raise ShotError(jitter, f"is empty; want {want}")
+        return [pairs[index % len(pairs)] for index in indices]
     try:
-        pairs = [(float(x), float(y)) for x, y in values]
+        pairs = [(float(x), float(y)) for x, y in jitter]
     except (TypeError, ValueError, OverflowError, RuntimeError):  # of a user's class
         pairs = []
     if not pairs:
-        if isinstance(jitter, Path | str):
-            raise ShotError(jitter, f"does not hold {want}")
         raise ArgumentError("jitter", got=shown(jitter), want=want)
     return [pairs[index % len(pairs)] for index in indices]
 

@@ -155,7 +155,8 @@ class GltfScene:
             found = _matrices(self._nodes, None, 0.0)
             if (count := sum(len(part.mesh.positions) for part in self._parts)) > MAX_VERTICES:
                 raise MalformedError(f"its nodes show {count} vertices; want at most {MAX_VERTICES}")
-            boxes = [part.box(found) for part in self._parts]  # one at a time: few bytes may show many vertices
+            # one at a time: few bytes may show many vertices
+            boxes = [part.box(found) for part in self._parts]
             low, high = zip(*boxes, strict=True)
             self.bounds: scenes.Values = np.stack([np.min(low, axis=0), np.max(high, axis=0)])
             self.digest = document.digest()
