@@ -121,6 +121,10 @@ def test_other_paths_are_answered_with_404(url: str, path: str) -> None:
     assert b" 404 " in answer_to(url, f"GET {path} HTTP/1.0\r\n\r\n".encode("latin-1"))
 
 
+def test_a_damaged_url_is_answered_with_400(url: str) -> None:
+    assert b" 400 " in answer_to(url, b"GET http://[ HTTP/1.0\r\n\r\n")
+
+
 @pytest.mark.parametrize("request_", [b"\r\n\r\n", b"\0\r\n\r\n", b"GET\r\n\r\n", b"PUT / HTTP/1.1\r\n\r\n"])
 def test_malformed_requests_are_harmless(
     url: str, request_: bytes, capfd: pytest.CaptureFixture[str]
