@@ -163,6 +163,15 @@ def test_patterns_do_not_leave_the_folder(shot: Path, pattern: str) -> None:
         open_source(shot)
 
 
+def test_no_byte_of_a_file_outside_is_read_to_guess_a_layout(shot: Path) -> None:
+    (shot / "shot.json").unlink()
+    (shot / "0000.exr").unlink()
+    (shot.parent / "secret").write_text("root:x:0")
+    (shot / "0000.exr").symlink_to(shot.parent / "secret")
+    with pytest.raises(ShotError, match=r"0000\.exr: leads out of"):
+        open_source(shot)
+
+
 def test_numbered_files_do_not_follow_links_out_of_their_folder(shot: Path) -> None:
     (shot / "shot.json").unlink()
     (shot / "channels.json").write_text(json.dumps(CHANNELS))

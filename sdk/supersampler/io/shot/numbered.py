@@ -18,6 +18,8 @@ from supersampler.io.shot.format import FORBIDDEN, LARGEST_NUMBER, is_frame_rang
 JITTER_FILE_NAME = "jitter.json"
 FRAME_SUFFIXES = (".exr", ".png", ".tif", ".tiff")
 """Suffixes of the image files that are read."""
+FOLLOW_LINKS = "--follow-links (follow_links=True in Python) reads them, if you trust who made the links."
+"""Remedy for numbered files that are links."""
 Jitter: TypeAlias = Sequence[tuple[float, float]] | Path | str
 """(x, y) of each frame, or a JSON file that holds [[x, y], ...]; a shorter list repeats."""
 Range: TypeAlias = tuple[int, int]
@@ -91,8 +93,7 @@ def numbered_files(folder: Path, pattern: str, *, follow_links: bool = False) ->
     if len(files) > SHOT_FRAMES:
         raise ShotError(folder, f"has {len(files)} files {pattern}; want at most {SHOT_FRAMES}")
     if not follow_links:
-        remedy = "--follow-links (follow_links=True in Python) reads them, if you trust who made the links."
-        check_inside(folder, files.values(), remedy)
+        check_inside(folder, files.values(), FOLLOW_LINKS)
     return dict(sorted(files.items()))
 
 
