@@ -105,7 +105,7 @@ def test_records_in_the_output_folder_neither_block_blender_nor_fill_its_memory(
 ) -> None:
     os.mkfifo(tmp_path / "upscale.0001-0002.json")
     (tmp_path / "upscale.0003-0004.json").symlink_to("/dev/zero")
-    (tmp_path / "upscale.0005-0006.json").write_text('{"files": {"####.exr": 2}}' + " " * extension._RECORD)
+    (tmp_path / "upscale.0005-0006.json").write_text('{"files": {"####.exr": 2}}' + " " * (1 << 26))
     (tmp_path / "upscale.json").write_text('{"files": {"####.exr": 3}}')
     running = extension.Run([sys.executable, "-c", ""], tmp_path, 9)
     while running.wait(0.1):
