@@ -109,6 +109,11 @@ CHANGES = {
     "a long name": ('"0001.exr"', f'"{"a" * 300}.exr"', "a name longer than 255 bytes"),
     "a long path": ('"0001.exr"', f'"{"a/" * 5000}a.exr"', "the file of frame 1 is missing"),
     "deep nesting": ('"attribution": ["Me"]', f'"attribution": {"[" * 100_000}', "is not JSON"),
+    "a nested size": (
+        '"display_size": [64, 36]',
+        f'"display_size": {"[" * 100_000}',
+        r"Expected `int`, got `array` - at `\$\.d",
+    ),
     "a zero byte": ('"0001.exr"', '"00\\u000001.exr"', "a file inside the shot's folder"),
 }
 
