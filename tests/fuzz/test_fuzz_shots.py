@@ -109,11 +109,6 @@ CHANGES = {
     "a long name": ('"0001.exr"', f'"{"a" * 300}.exr"', "a name longer than 255 bytes"),
     "a long path": ('"0001.exr"', f'"{"a/" * 5000}a.exr"', "the file of frame 1 is missing"),
     "deep nesting": ('"attribution": ["Me"]', f'"attribution": {"[" * 100_000}', "is not JSON"),
-    "a nested size": (
-        '"display_size": [64, 36]',
-        f'"display_size": {"[" * 100_000}',
-        r"Expected `int`, got `array` - at `\$\.d",
-    ),
     "a zero byte": ('"0001.exr"', '"00\\u000001.exr"', "a file inside the shot's folder"),
 }
 
@@ -124,6 +119,14 @@ def test_an_invalid_shot_is_a_shot_error(shot: Path, case: str) -> None:
     change(shot, text, other)
     with pytest.raises(ShotError, match=message):
         Shot.open(shot)
+
+
+def test_a_nested_value_in_place_of_a_number_is_a_shot_error(shot: Path) -> None:
+    (shot / "shot.json").unlink()
+    nested = "[" * 100_000
+    (shot / "channels.json").write_text(f'{{"channels": {{}}, "frame_rate": {nested}')
+    with pytest.raises(ShotError, match=r"Expected `float \| null`, got `array` - at `\$\.frame_rate`"):
+        open_source(shot)
 
 
 def test_a_description_that_never_ends_or_is_too_large_is_refused(shot: Path) -> None:
