@@ -84,6 +84,26 @@ def test_a_size_beyond_the_limits_is_refused_before_allocation(tmp_path: Path, s
         read_exr(tmp_path / "a.exr")
 
 
+@pytest.mark.parametrize("parts", [1, 2])
+def test_header_entries_without_end_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, parts: int
+) -> None:
+    """OpenEXR takes minutes for two megabytes of them."""
+    specs = [ImageSpec(8, 6, 3, "half") for _ in range(parts)]
+    for name, spec in zip("ab", specs, strict=False):
+        spec.attribute("oiio:subimagename", name)
+    for number in range(40):  # of the last part
+        specs[-1].attribute(f"entry{number}", "x" * 600)
+    write_parts(tmp_path / "a.exr", *map(with_noise, specs))
+    monkeypatch.setattr("supersampler.io.files.IMAGE_ATTRIBUTES", 100)
+    assert len(read_exr(tmp_path / "a.exr")) == 3 * parts
+    monkeypatch.setattr("supersampler.io.files.IMAGE_ATTRIBUTES", 40)
+    with pytest.raises(
+        ShotError, match=r"has 41 header entries or more in a part, .* want at most 40 and 640"
+    ):
+        read_exr(tmp_path / "a.exr")
+
+
 def test_other_formats_do_not_reach_their_decoders_under_the_name_of_an_exr(tmp_path: Path) -> None:
     spec = ImageSpec(4, 3, 3, "uint8")
     write_parts(tmp_path / "a.tif", with_noise(spec))

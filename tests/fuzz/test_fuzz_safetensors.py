@@ -13,10 +13,11 @@ from torch import zeros
 
 from fuzzing import damaged, dumped, examples, replaced, run_apart
 from imported_scene import COUNT, SIZE, arm_tensors, write_safetensors
-from supersampler import ShotError
+from supersampler import ArgumentError, ShotError
 from supersampler.io.shot import import_arm
 from supersampler_model.data.dataset.storage import TrainingFrame, read_training_frame, write_training_frame
 from supersampler_model.methods.base import load_trained
+from supersampler_model.methods.classifier import Classifier
 
 
 def training_frame() -> TrainingFrame:
@@ -75,6 +76,7 @@ CHANGES: dict[str, tuple[str, Any, str]] = {
     "no pixels": ("colour_linear", np.zeros((COUNT, 3, 0, 0), np.float16), "is 0x0"),
     "a plane at 0": ("depth_params", np.zeros((COUNT, 4), np.float32), "want finite numbers other than 0"),
     "a bright exposure": ("exposure", np.full((COUNT, 1), 1e5, np.float32), "want|natural logarithms"),
+    "a long exposure": ("exposure", np.zeros((COUNT, 2), np.float32), "want a value for each of 3 frames"),
     "too few cuts": ("camera_cut", np.zeros((1, 1), bool), "want a value for each of 3 frames"),
     "truth without sides": ("ground_truth_linear", np.zeros((COUNT, 3), np.float32), r"want \(3, 3, H, W\)"),
     "whole numbers": ("depth", np.zeros((COUNT, 1, *SIZE[::-1]), np.int32), "want floating point"),
@@ -97,8 +99,48 @@ def test_an_invalid_sequence_is_a_shot_error(tmp_path: Path, case: str) -> None:
         import_arm(write_safetensors(tmp_path / "a.safetensors", tensors))
 
 
+def test_tensors_that_share_bytes_are_refused(tmp_path: Path) -> None:
+    entries = {
+        name: {"dtype": "U8", "shape": [8], "data_offsets": [at, at + 8]} for name, at in (("a", 0), ("b", 7))
+    }
+    header = json.dumps(entries).encode()
+    (tmp_path / "a.safetensors").write_bytes(len(header).to_bytes(8, "little") + header + bytes(15))
+    with pytest.raises(ShotError, match="'a' and 'b' overlap"):
+        import_arm(tmp_path / "a.safetensors")
+
+
+NETWORK = {"network": {"levels": [32768] * 4}}
+WEIGHTS: dict[str, tuple[str, str]] = {
+    "nested": ("[" * 100_000, "maximum recursion depth"),
+    "no facts": ('{"method": "classifier", "config": {}, "facts": 5}', "facts is 5"),
+    "wide": (json.dumps({"method": "classifier", "config": NETWORK, "facts": {}}), "want at most 1024"),
+    "no levels": (
+        json.dumps({"method": "classifier", "config": {"network": {"levels": []}}, "facts": {}}),
+        "zip",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", WEIGHTS)
+def test_invalid_weights_are_an_argument_error(tmp_path: Path, case: str) -> None:
+    text, message = WEIGHTS[case]
+    (tmp_path / "w.safetensors").write_bytes(save_torch({"weight": zeros(3, 2)}, {"trained": text}))
+    with pytest.raises(ArgumentError, match=message):
+        Classifier.of(load_trained(tmp_path / "w.safetensors"))
+
+
 @pytest.mark.parametrize(
-    "shape", ["[0, 1e30]", f"[0, {10**30}]", "[-2, -3]", "[[0]]", "0", "[2.0, 3]", "[" * 100_000]
+    "shape",
+    [
+        "[0, 1e30]",
+        f"[0, {10**30}]",
+        "[-2, -3]",
+        "[[0]]",
+        "0",
+        "[2.0, 3]",
+        "[" * 100_000,
+        f"[{'9,' * 10**6}9]",
+    ],
 )
 def test_an_invalid_shape_is_a_shot_error(tmp_path: Path, shape: str) -> None:
     size = 0 if shape.startswith("[0,") else 24

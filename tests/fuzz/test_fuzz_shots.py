@@ -121,6 +121,14 @@ def test_an_invalid_shot_is_a_shot_error(shot: Path, case: str) -> None:
         Shot.open(shot)
 
 
+def test_a_nested_value_in_place_of_a_number_is_a_shot_error(shot: Path) -> None:
+    (shot / "shot.json").unlink()
+    nested = "[" * 100_000
+    (shot / "channels.json").write_text(f'{{"channels": {{}}, "frame_rate": {nested}')
+    with pytest.raises(ShotError, match=r"Expected `float \| null`, got `array` - at `\$\.frame_rate`"):
+        open_source(shot)
+
+
 def test_a_description_that_never_ends_or_is_too_large_is_refused(shot: Path) -> None:
     (shot / "shot.json").write_bytes(b" " * (JSON_BYTES + 1))
     with pytest.raises(ShotError, match="is larger than"):
@@ -160,6 +168,15 @@ def test_patterns_do_not_leave_the_folder(shot: Path, pattern: str) -> None:
     content = {**CHANNELS, "channels": {**CHANNELS["channels"], "depth": f"{pattern}:depth.Z"}}  # type: ignore[dict-item]
     (shot / "channels.json").write_text(json.dumps(content))
     with pytest.raises(ShotError, match="matches no files in it"):
+        open_source(shot)
+
+
+def test_no_byte_of_a_file_outside_is_read_to_guess_a_layout(shot: Path) -> None:
+    (shot / "shot.json").unlink()
+    (shot / "0000.exr").unlink()
+    (shot.parent / "secret").write_text("root:x:0")
+    (shot / "0000.exr").symlink_to(shot.parent / "secret")
+    with pytest.raises(ShotError, match=r"0000\.exr: leads out of"):
         open_source(shot)
 
 

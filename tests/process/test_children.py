@@ -100,6 +100,19 @@ def ignored() -> Any:
     signal.signal(signal.SIGINT, before)
 
 
+def test_records_in_the_output_folder_neither_block_blender_nor_fill_its_memory(
+    extension: Any, tmp_path: Path
+) -> None:
+    os.mkfifo(tmp_path / "upscale.0001-0002.json")
+    (tmp_path / "upscale.0003-0004.json").symlink_to("/dev/zero")
+    (tmp_path / "upscale.0005-0006.json").write_text('{"files": {"####.exr": 2}}' + " " * (1 << 26))
+    (tmp_path / "upscale.json").write_text('{"files": {"####.exr": 3}}')
+    running = extension.Run([sys.executable, "-c", ""], tmp_path, 9)
+    while running.wait(0.1):
+        pass
+    assert running.done == 3
+
+
 @pytest.mark.usefixtures("ignored")
 def test_cancel_works_where_sigint_is_ignored(
     extension: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -414,6 +414,13 @@ def folder(tmp_path: Path) -> Path:
     return Path(shutil.copytree(RECORDED, tmp_path / "render"))
 
 
+def test_links_of_rendered_frames_out_of_their_folder_are_not_followed(folder: Path) -> None:
+    (folder / "0006.exr").rename(folder.parent / "away.exr")
+    (folder / "0006.exr").symlink_to(folder.parent / "away.exr")
+    with pytest.raises(ShotError, match=r"0006\.exr: leads out of"):
+        open_source(folder)
+
+
 def test_motion_holds_the_change_of_the_lens_shift_and_the_turn_of_the_sky() -> None:
     shot, record = open_source(RECORDED), read_render_record(RECORDED)
     for index in (1, 2, 3):

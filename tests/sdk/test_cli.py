@@ -389,6 +389,16 @@ def test_any_file_of_an_option_is_one_line_of_error(tmp_path: Path, option: str,
     assert not (tmp_path / "out").exists()
 
 
+def test_an_error_that_quotes_much_of_a_file_is_short(tmp_path: Path) -> None:
+    entry = {"dtype": "F32", "shape": [0], "data_offsets": [0, 0]}
+    header = json.dumps({f"{number:0200}": entry for number in range(1000)}).encode()
+    (tmp_path / "a.safetensors").write_bytes(len(header).to_bytes(8, "little") + header)
+    line = refusal("info", tmp_path / "a.safetensors")
+    assert len(line) < 2100
+    assert "has no tensor colour_linear" in line
+    assert line.rstrip().endswith("999.")
+
+
 def test_names_in_a_file_cannot_control_the_terminal(one_frame: Path) -> None:
     content = (one_frame / "shot.json").read_text().replace('"tiny"', '"\\u001b[2J\\nwhat"')
     (one_frame / "shot.json").write_text(content)

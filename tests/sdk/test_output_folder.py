@@ -3,6 +3,7 @@
 import json
 import os
 import re
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -158,6 +159,15 @@ def test_a_file_is_listed_before_it_is_written(
 
     monkeypatch.setattr("supersampler.cli.results.images.write_exr", checked)
     upscale(shot, out)
+
+
+def test_a_record_of_any_depth_is_read_or_refused(tmp_path: Path) -> None:
+    """A reader of JSON may accept a depth at which the next one ends."""
+    for depth in range(100, 1100):
+        nested = "[" * depth + "]" * depth
+        (tmp_path / "upscale.json").write_text(f'{{"a": {nested}, "files": {{}}}}')
+        with suppress(ShotError):
+            read_run_record(tmp_path)
 
 
 def test_a_record_that_does_not_list_its_files_is_refused_with_what_to_do(shot: Path, tmp_path: Path) -> None:

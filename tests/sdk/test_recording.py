@@ -1,6 +1,7 @@
 """Tests of recordings: all calls and their results, bit for bit, also after crashes and on full disks."""
 
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -18,6 +19,7 @@ from supersampler import ArgumentError, Frame, FrameError, Model, Upscaler
 from supersampler.backends.onnx.session import planes_of
 from supersampler.errors import RecordingError
 from supersampler.frame import Float32
+from supersampler.io.files import IMAGE_BYTES
 from supersampler.methods.model_file import CONTRACT
 from supersampler.recording import (
     CALL,
@@ -400,6 +402,17 @@ def test_pixels_of_another_size_are_beyond_tolerance(file: Path) -> None:
     rewrite(file / OUTCOME.format(0), '{"returned": {"image": 1}}', pixels)
     [step] = replayed(file)
     assert (step.exact, step.within) == (False, False)
+
+
+def test_a_sparse_file_is_refused_before_it_is_copied(file: Path) -> None:
+    begun(file).close()
+    path = file / CALL.format(0)
+    count = IMAGE_BYTES + 1
+    header = json.dumps({"color": {"dtype": "U8", "shape": [count], "data_offsets": [0, count]}}).encode()
+    path.write_bytes(len(header).to_bytes(8, "little") + header)
+    os.truncate(path, 8 + len(header) + count)
+    with pytest.raises(RecordingError, match="has 8 GiB of arrays; want at most 8"):
+        list(open_recording(file))
 
 
 def test_a_frame_beyond_memory_is_refused(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -121,13 +121,17 @@ def test_other_paths_are_answered_with_404(url: str, path: str) -> None:
     assert b" 404 " in answer_to(url, f"GET {path} HTTP/1.0\r\n\r\n".encode("latin-1"))
 
 
-@pytest.mark.parametrize("error", [ShotError("a.exr", "is damaged"), ModelError("model.json is damaged")])
-def test_a_file_that_cannot_be_made_is_answered_with_500(error: SupersamplerError) -> None:
+@pytest.mark.parametrize("error", [ShotError("a.exr", "is damaged"), ModelError("model.json is damaged"), MemoryError()])
+def test_a_file_that_cannot_be_made_is_answered_with_500(error: Exception) -> None:
     def refuse() -> bytes:
         raise error
 
     with serving({"a": refuse}) as root:
         assert b" 500 " in answer_to(root, b"GET /a HTTP/1.0\r\n\r\n")
+
+
+def test_a_damaged_url_is_answered_with_400(url: str) -> None:
+    assert b" 400 " in answer_to(url, b"GET http://[ HTTP/1.0\r\n\r\n")
 
 
 @pytest.mark.parametrize("request_", [b"\r\n\r\n", b"\0\r\n\r\n", b"GET\r\n\r\n", b"PUT / HTTP/1.1\r\n\r\n"])

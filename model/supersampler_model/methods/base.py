@@ -18,12 +18,17 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from supersampler.errors import ArgumentError, ShotError
+from supersampler.errors import ArgumentError, ShotError, shown
 from supersampler.io.safetensors import open_safetensors, write_safetensors
 from supersampler.methods.model_info import extents
 from supersampler.methods.registry import find_method
 from supersampler.methods.spec import BETWEEN, CHANNELS, EARLIER, RENDER, SHADED, MethodSpec, Shape, sized
 from supersampler_model import ops
+
+MAX_WIDTH = 1024
+"""Maximum of whole numbers in the config of a weights file, such as widths of layers, and of their number."""
+_MAX_WEIGHTS = 1 << 28
+"""Maximum bytes of the tensors of a weights file."""
 
 
 class Outputs(NamedTuple):
@@ -173,7 +178,7 @@ class LearnedMethod(Method):
         try:
             method = cls(config_of(cls.spec.config, trained.config))
             method.load_state_dict(trained.tensors)
-        except (TypeError, KeyError, AttributeError, RuntimeError) as error:  # other names or structure
+        except (TypeError, LookupError, AttributeError, RuntimeError, ValueError) as error:  # other structure
             got = f"of another version ({' '.join(str(error).split())})"
             want = f"of this version of {cls.name}: train it again"
             raise ArgumentError("weights", got=got, want=want) from error
@@ -186,6 +191,7 @@ def config_of(kind: type[Any], plain: Mapping[str, Any]) -> Any:
 
     Raises:
         TypeError: the dataclass has no field of a name.
+        ValueError: a whole number is beyond MAX_WIDTH: the network would take all memory.
     """
     hints = get_type_hints(kind)
     values: dict[str, Any] = {}
@@ -193,6 +199,9 @@ def config_of(kind: type[Any], plain: Mapping[str, Any]) -> Any:
         if is_dataclass(hints.get(name)):
             values[name] = config_of(hints[name], value)
         else:
+            items = value if isinstance(value, list) else [value]
+            if len(items) > MAX_WIDTH or any(type(item) is int and abs(item) > MAX_WIDTH for item in items):
+                raise ValueError(f"{name} is {shown(value)}; want at most {MAX_WIDTH}")
             values[name] = tuple(value) if isinstance(value, list) else value
     return kind(**values)
 
@@ -228,10 +237,14 @@ def load_trained(path: Path) -> Trained:
     """
     try:
         arrays, metadata = open_safetensors(path)
+        if (size := sum(array.nbytes for array in arrays.values())) > _MAX_WEIGHTS:
+            raise ValueError(f"{size >> 20} MiB of tensors; want at most {_MAX_WEIGHTS >> 20}")
         header: Mapping[str, Any] = json.loads(metadata["trained"])
+        if not isinstance(header["facts"], dict):
+            raise TypeError(f"facts is {shown(header['facts'])}")
         tensors = {name: torch.from_numpy(np.array(array)) for name, array in arrays.items()}
         return Trained(header["method"], header["config"], header["facts"], tensors)
-    except (ShotError, KeyError, TypeError, ValueError) as error:
+    except (ShotError, KeyError, TypeError, ValueError, RecursionError) as error:
         problem = error.problem if isinstance(error, ShotError) else error
         want = "a weights.safetensors that `supersampler train` wrote"
         raise ArgumentError("weights", got=f"{path} ({problem})", want=want) from error

@@ -9,6 +9,7 @@ import math
 import pickle
 import subprocess
 import time
+import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -20,9 +21,9 @@ import torch
 from torch import Tensor
 from torch.optim.swa_utils import AveragedModel
 
-from supersampler.errors import ArgumentError, SupersamplerError
+from supersampler.errors import ArgumentError, SupersamplerError, shown
 from supersampler.io.child_process import run
-from supersampler.io.files import write_bytes
+from supersampler.io.files import check_is_file, write_bytes
 from supersampler_model import ops
 from supersampler_model.data.dataset.storage import Dataset
 from supersampler_model.methods.base import Method, Trained
@@ -36,6 +37,11 @@ from supersampler_model.training.task import State, Task
 CPU = torch.device("cpu")
 CHECKPOINT = "checkpoint.pt"  # in the folder of a run
 VERSION = 5
+_DAMAGE = (
+    OSError, RuntimeError, ValueError, EOFError, LookupError, TypeError, AttributeError,
+    pickle.UnpicklingError, zipfile.BadZipFile,
+)  # fmt: skip
+"""Errors of torch and zipfile for files that are no checkpoints."""
 SMALLEST_CROP = 17
 """Display pixels: two pixels of a network's coarsest level, as batch normalisation needs more than one."""
 
@@ -201,16 +207,30 @@ class Trainer:
                 kind, other = ("method", str(before)) if name == "name" else (name, other)
                 got = f"{path}, of another {kind}{f' ({other})' if other else ''}"
                 raise ArgumentError("checkpoint", got=got, want=f"the run's own {kind}, or a new folder")
+        try:
+            self._resume(content)
+        except (LookupError, TypeError, ValueError, AttributeError, RuntimeError) as error:
+            got = f"{path}, with another content ({shown(error)})"
+            raise ArgumentError(
+                "checkpoint", got=got, want="one that training wrote, or a new folder"
+            ) from error
+
+    def _resume(self, content: dict[str, Any]) -> None:
+        """Take over the state in a checkpoint; other errors than ArgumentError mean that it is damaged."""
         self.done = content["done"]
-        self.initial = content.get("initial", self.initial)  # older checkpoints lack these three
-        self.attributions = self.attributions or content.get("attributions", [])
-        self.frames_before = content.get("frames", self.frames)
+        if type(self.done) is not int or not 0 <= self.done <= self.plan.steps:
+            raise ValueError(f"{shown(self.done)} updates of {self.plan.steps}")
+        self.initial = dict(content.get("initial", self.initial))  # older checkpoints lack these three
+        self.attributions = self.attributions or list(content.get("attributions", []))
+        self.frames_before = int(content.get("frames", self.frames))
         self.method.load_state_dict(content["method"])
         self._averaged.load_state_dict(content["average"])
         self.optimizer.load_state_dict(content["optimizer"])
         for stream, position in zip(self._streams, content["positions"], strict=True):
             stream.position = StreamPosition(**position)
         states, error = content["states"], content["error"]
+        if len(states) != len(self._streams):
+            raise ValueError(f"{len(states)} states of {len(self._streams)} streams")
         self._states = [state and [t.to(self.device) for t in state] for state in states]
         self._error = None if error is None else error.to(self.device)
 
@@ -278,8 +298,12 @@ def load_checkpoint(path: Path) -> dict[str, Any]:
         ArgumentError: the file is not a checkpoint, or has another version.
     """
     try:
+        check_is_file(path)
+        with zipfile.ZipFile(path) as file:  # torch.save compresses nothing: more than the file has is a bomb
+            if (size := sum(entry.file_size for entry in file.infolist())) > path.stat().st_size:
+                raise ValueError(f"{path.stat().st_size} bytes that claim to hold {size}")
         content = torch.load(path, map_location="cpu", weights_only=True)
-    except (OSError, RuntimeError, ValueError, EOFError, pickle.UnpicklingError) as error:
+    except _DAMAGE as error:
         raise ArgumentError("checkpoint", got=f"{path}: {error}", want="one that training wrote") from error
     if not isinstance(content, dict) or content.get("version") != VERSION:
         raise ArgumentError("checkpoint", got=str(path), want=f"a checkpoint of version {VERSION}")

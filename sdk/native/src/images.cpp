@@ -18,8 +18,8 @@ ss_status ss_camera_motion(const ss_image* depth, int width, int height, const d
     if (!(fabs(far_depth) < HUGE_VAL && fabsf(jitter[0]) < HUGE_VALF && fabsf(jitter[1]) < HUGE_VALF))
         return fail(error, SS_BAD_ARGUMENT, "far_depth is %g, jitter %g, %g; want finite numbers", far_depth, jitter[0],
                     jitter[1]);
-    if (motion->type != SS_FLOAT32)
-        return fail(error, SS_BAD_ARGUMENT, "motion has the type %d; want SS_FLOAT32", motion->type);
+    if (type_of(*motion) != SS_FLOAT32)
+        return fail(error, SS_BAD_ARGUMENT, "motion has the type %d; want SS_FLOAT32", type_of(*motion));
     if (ss_status status = check_output("motion", *motion, {width, height}, 2, error)) return status;
     const Kernels& kernels = *find_kernels(nullptr);
     const IeeeArithmetic arithmetic;
@@ -91,8 +91,16 @@ ss_status ss_merge_images(float* image, const float* other, const float* weight,
     return succeed(error);
 }
 
+// Returns whether one of the arrays is NULL.
+template <class Array>
+static bool lacks_aovs(const Array* arrays, int groups) {
+    for (int group = 0; group < groups; group++)
+        if (!arrays || !arrays[group]) return true;
+    return false;
+}
+
 ss_status ss_filter_temporal(const ss_temporal* t, ss_error* error) {
-    if (!t || !t->frames || !t->image || (t->aov_groups && !t->aovs))
+    if (!t || !t->frames || !t->image || lacks_aovs(t->aovs, t->aov_groups))
         return fail(error, SS_BAD_ARGUMENT, "an argument is NULL");
     if (ss_status status = check_size(t->width, t->height, "the image", error)) return status;
     if (t->previous < 0 || t->following < 0 || t->aov_groups < 0 || t->first_row < 0 || t->end_row > t->height)
@@ -102,10 +110,12 @@ ss_status ss_filter_temporal(const ss_temporal* t, ss_error* error) {
     if (!(t->samples > 0.0f && t->exposure > 0.0f))
         return fail(error, SS_BAD_ARGUMENT, "samples is %g, exposure %g; want more than 0",
                     static_cast<double>(t->samples), static_cast<double>(t->exposure));
-    for (int k = 0; k <= t->previous + t->following; k++)
-        if (!t->frames[k].color || !t->frames[k].guides || (t->aov_groups && !t->frames[k].aovs) ||
-            (t->frames[0].noisy && !t->frames[k].noisy))
+    for (int k = 0; k <= t->previous + t->following; k++) {
+        const ss_temporal_frame& frame = t->frames[k];
+        if (!frame.color || !frame.guides || lacks_aovs(frame.aovs, t->aov_groups) ||
+            (t->frames[0].noisy && !frame.noisy))
             return fail(error, SS_BAD_ARGUMENT, "frame %d of the window lacks color, noisy, guides or aovs", k);
+    }
     float* scratch = static_cast<float*>(malloc(sizeof(float) * TemporalFilter::SCRATCH));
     if (!scratch) return fail(error, SS_NO_MEMORY, "no memory for the temporal filter");
     const IeeeArithmetic arithmetic;

@@ -57,16 +57,17 @@ static ss_status check_strides(const char* name, const ss_image& image, Size siz
 
 ss_status check_output(const char* name, const ss_image& image, Size size, int channels, ss_error* error) {
     if (!image.data) return SS_OK;
-    if (image.type != SS_FLOAT32 && image.type != SS_FLOAT16 && image.type != SS_UNORM8)
-        return fail(error, SS_BAD_ARGUMENT, "%s has the type %d; want SS_FLOAT32, SS_FLOAT16 or SS_UNORM8", name,
-                    image.type);
+    const int type = type_of(image);
+    if (type != SS_FLOAT32 && type != SS_FLOAT16 && type != SS_UNORM8)
+        return fail(error, SS_BAD_ARGUMENT, "%s has the type %d; want SS_FLOAT32, SS_FLOAT16 or SS_UNORM8", name, type);
     return check_strides(name, image, size, channels, SS_BAD_ARGUMENT, error);
 }
 
 ss_status check_input(const char* name, const ss_image& image, Size size, int channels, bool needed, ss_error* error) {
     if (!image.data) return needed ? fail(error, SS_BAD_FRAME, "%s is missing; the method reads it", name) : SS_OK;
-    if (image.type != SS_FLOAT32 && image.type != SS_FLOAT16)
-        return fail(error, SS_BAD_FRAME, "%s has the type %d; want SS_FLOAT32 or SS_FLOAT16", name, image.type);
+    const int type = type_of(image);
+    if (type != SS_FLOAT32 && type != SS_FLOAT16)
+        return fail(error, SS_BAD_FRAME, "%s has the type %d; want SS_FLOAT32 or SS_FLOAT16", name, type);
     return check_strides(name, image, size, channels, SS_BAD_FRAME, error);
 }
 

@@ -252,6 +252,12 @@ bool show_rest(Step& step, RestWork& work, const RestHistory& before, RestHistor
 View view_of(const ss_image& image, int width, int channels);
 ss_status check_size(int width, int height, const char* name, ss_error* error);
 ss_status check_ratio(const Method& method, Size render, Size display, ss_error* error);
+// Returns the number of an image's type. A caller may pass one that is no `ss_type`, which C++ must not read as one.
+inline int type_of(const ss_image& image) {
+    int type;
+    memcpy(&type, &image.type, sizeof type);
+    return type;
+}
 ss_status check_output(const char* name, const ss_image& image, Size size, int channels, ss_error* error);
 ss_status check_input(const char* name, const ss_image& image, Size size, int channels, bool needed, ss_error* error);
 ss_status check_jitter(const float (&jitter)[2], ss_error* error);

@@ -562,7 +562,7 @@ static void bad_arguments_are_named(void) {
         if (k == 1) frame.jitter[1] = 0.7f;
         if (k == 2) frame.jitter[0] = NAN;
         if (k == 3) frame.color.data = NULL;
-        if (k == 4) frame.motion.type = SS_UNORM8;
+        if (k == 4) frame.motion.type = (ss_type)200;
         if (k == 5) frame.depth.data = NULL;
         if (k == 6) frame.exposure = -1.0f;
         if (k == 7) frame.pre_exposure = INFINITY;
@@ -588,7 +588,7 @@ static void bad_arguments_are_named(void) {
         if (k == 1) outputs.image.data = NULL;
         if (k == 2) outputs.weight.data = images[0];
         if (k == 3) outputs.image.data = p.depth;
-        if (k == 4) outputs.weight.data = images[1], outputs.weight.type = (ss_type)3;
+        if (k == 4) outputs.weight.data = images[1], outputs.weight.type = (ss_type)200;
         if (k == 5) outputs.image.data = p.display_base_color;
         CHECK(ss_step(upscaler, &frame, &outputs, &error) == SS_BAD_ARGUMENT, "case %d", k);
         CHECK(strstr(error.message, said[k]), "case %d: %s", k, error.message);
@@ -822,7 +822,12 @@ static void the_temporal_filter_averages_frames(void) {
     filter.end_row = TH, frames[3].guides = NULL;
     CHECK(ss_filter_temporal(&filter, &error) == SS_BAD_ARGUMENT && strstr(error.message, "frame 3"), "%s",
           error.message);
-    frames[3].guides = &guides[0][0][0], filter.samples = 0.0f;
+    frames[3].guides = &guides[0][0][0], aovs[2][0] = NULL;
+    CHECK(ss_filter_temporal(&filter, &error) == SS_BAD_ARGUMENT && strstr(error.message, "frame 2"), "%s",
+          error.message);
+    aovs[2][0] = &color[2][0][0][0], mean[0] = NULL;
+    CHECK(ss_filter_temporal(&filter, &error) == SS_BAD_ARGUMENT && strstr(error.message, "NULL"), "%s", error.message);
+    mean[0] = &means[0][0][0], filter.samples = 0.0f;
     CHECK(ss_filter_temporal(&filter, &error) == SS_BAD_ARGUMENT && strstr(error.message, "samples"), "%s",
           error.message);
     CHECK(ss_filter_temporal(NULL, &error) == SS_BAD_ARGUMENT, "NULL is a filter");

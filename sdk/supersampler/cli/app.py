@@ -54,6 +54,7 @@ A program that runs a command keeps the other end of this pipe open, and closes 
 pipe also closes when that program ends. This works where SIGINT is ignored or, as on Windows, cannot be sent.
 """
 _INTERRUPTED = 128 + signal.SIGINT
+_MAX_LINE, _END = 2000, 500  # characters of an error, and of its end
 _received = [int(signal.SIGINT)]
 
 
@@ -87,6 +88,8 @@ class Commands(TyperGroup):
             if isinstance(error, ArgumentError):
                 command = self.resolve_command(ctx, [ctx.invoked_subcommand or ""])[1]
                 line = _with_option(line, error.name, command)
+            if len(line) > _MAX_LINE:  # it quotes much of a file; the remedy is at the end
+                line = f"{line[: _MAX_LINE - _END]} ... {line[-_END:]}"
             echo(f"error: {line}", err=True)
             raise typer.Exit(2 if isinstance(error, ArgumentError) else 1) from None
         except KeyboardInterrupt:

@@ -372,8 +372,11 @@ def read_run_record(folder: Path, name: str = FILE_NAME) -> RunRecord | None:
         return None
     if not is_regular(path):
         raise _foreign(path, "is not a regular file")
-    text = json.dumps(read_json(path), ensure_ascii=False)
-    content = json.loads(os.fsdecode(text.encode()))  # text as in this locale's paths
+    try:
+        text = json.dumps(read_json(path), ensure_ascii=False)
+        content = json.loads(os.fsdecode(text.encode()))  # text as in this locale's paths
+    except RecursionError as error:
+        raise ShotError(path, "is nested too deeply for a record", _START_OVER) from error
     files = content.pop("files", None) if isinstance(content, dict) else None
     if not isinstance(files, dict):
         problem = "does not list the files of its run: it is of an earlier version, or of something else"

@@ -231,7 +231,11 @@ class _Handler(BaseHTTPRequestHandler):
         if self.headers.get("Host", address) not in (address, f"localhost:{self.server.server_port}"):
             self.send_error(HTTPStatus.MISDIRECTED_REQUEST)
             return
-        path = unquote(urlsplit(self.path).path)
+        try:
+            path = unquote(urlsplit(self.path).path)
+        except ValueError:  # of a damaged host, as in `GET http://[ HTTP/1.0`
+            self.send_error(HTTPStatus.BAD_REQUEST)
+            return
         name = f"{path}index.html" if path.endswith("/") else path
         content = self.server.files.get(name.removeprefix("/"))
         if content is None:
@@ -239,7 +243,7 @@ class _Handler(BaseHTTPRequestHandler):
             return
         try:
             data = content()
-        except SupersamplerError:
+        except (SupersamplerError, MemoryError):
             self.send_error(HTTPStatus.INTERNAL_SERVER_ERROR)
             return
         self.send_response(HTTPStatus.OK)

@@ -28,6 +28,8 @@ IMAGE_PIXELS: Final = 1 << 27
 IMAGE_PARTS: Final = 1024
 IMAGE_CHANNELS: Final = 4096
 """Maximum number of channels in all parts of an image file."""
+IMAGE_ATTRIBUTES: Final = 1 << 12
+"""Maximum number of header entries in a part of an EXR file; 16 times as many in all parts."""
 IMAGE_BYTES: Final = 1 << 33
 """Maximum size of the pixels that are decoded at once."""
 JSON_BYTES: Final = 1 << 26

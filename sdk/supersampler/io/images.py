@@ -33,6 +33,10 @@ NO_REASON = "no reason given"
 _MAGIC: Mapping[str, tuple[bytes, ...]] = {
     "exr": (b"v/1\x01",), "png": (b"\x89PNG",), "tif": (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"),
 }  # fmt: skip
+_ENTRY_BYTES = 520
+_ENTRY = re.compile(rb"[^\0]{1,255}\0[^\0]{1,255}\0(.{4})", re.DOTALL)
+"""Name, type and size of a header entry of an EXR file, at most _ENTRY_BYTES."""
+_MULTI_PART = 0x1000  # flag of an EXR file
 FORMATS = tuple(_MAGIC)
 """Formats that are read."""
 _DAMAGED = "The file is damaged or cut off; write or copy it again."
@@ -121,6 +125,8 @@ def open_image(path: Path | str, formats: Collection[str] = FORMATS) -> Iterator
                 hint = f"Write it as {listed}; its name does not decide." if any(begins) else _DAMAGED
                 problem = f"is not an {listed} image (it begins with {begins!r})" if begins else "is empty"
                 raise ShotError(path, problem, hint)
+            if kind == "exr":
+                _check_attributes(path)
             as_stored = oiio.ImageSpec()
             as_stored.attribute("oiio:UnassociatedAlpha", 1)
             source = oiio.ImageInput.open(files.utf8_path(path), as_stored)
@@ -135,6 +141,29 @@ def open_image(path: Path | str, formats: Collection[str] = FORMATS) -> Iterator
                 source.close()
     except MemoryError as error:
         raise ShotError(path, "claims more pixels than there is memory for", _TOO_LARGE) from error
+
+
+def _check_attributes(path: Path | str) -> None:
+    """Raise ShotError if the headers of an EXR file have very many entries.
+
+    OpenEXR compares each entry's name with all others of its part: a megabyte of entries takes minutes.
+    Damaged headers are left to OpenEXR.
+    """
+    limit, total, at = files.IMAGE_ATTRIBUTES, 0, 8
+    with Path(path).open("rb") as file:
+        flags = int.from_bytes(file.read(at)[4:], "little")
+        for _ in range(files.IMAGE_PARTS if flags & _MULTI_PART else 1):
+            count = 0
+            while entry := _ENTRY.match(file.read(_ENTRY_BYTES)):
+                at += entry.end() + int.from_bytes(entry[1], "little")
+                file.seek(at)
+                count, total = count + 1, total + 1
+                if count > limit or total > 16 * limit:
+                    problem = f"has {count} header entries or more in a part, {total} in all"
+                    hint = "Write it without most of them."
+                    raise ShotError(path, f"{problem}; want at most {limit} and {16 * limit}", hint)
+            at += 1  # a zero ends the header
+            file.seek(at)
 
 
 def _unreadable(path: Path | str, reason: str) -> ShotError:

@@ -72,7 +72,7 @@ def decoded(path: Path, text: bytes | str, kind: type[_Value], hint: str = _HINT
 def _given(text: bytes | str, message: str) -> str:
     """Return ", is VALUE" for the place in a message of msgspec; "" if there is none."""
     place = re.search(r"at `\$([^`]*)`$", message)
-    with suppress(LookupError, TypeError, msgspec.DecodeError):
+    with suppress(LookupError, TypeError, msgspec.DecodeError, RecursionError):
         if place and "[...]" not in place[1]:
             value = msgspec.json.decode(text)
             for key, index in re.findall(r"\.(\w+)|\[(\d+)\]", place[1]):

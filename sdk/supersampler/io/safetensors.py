@@ -3,13 +3,14 @@
 import json
 import math
 from collections.abc import Mapping
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.errors import ShotError
+from supersampler.errors import ShotError, shown
 from supersampler.io.files import JSON_BYTES, check_is_file, os_errors_as_shot_error, replacing
 
 _TYPES = {
@@ -17,6 +18,7 @@ _TYPES = {
     "I16": "<i2", "U32": "<u4", "I32": "<i4", "U64": "<u8", "I64": "<i8",
 }  # fmt: skip
 _NAMES = {np.dtype(kind): name for name, kind in _TYPES.items()}
+_MAX_DIMENSIONS = 32  # of numpy 1
 _HINT = "The file is damaged or cut off; copy it again."
 
 
@@ -42,9 +44,15 @@ def open_safetensors(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any
     try:
         header: dict[str, dict[str, Any]] = json.loads(content[8:start].tobytes())
         metadata = header.pop("__metadata__", {})
-        return {name: _tensor(content[start:], **entry) for name, entry in header.items()}, metadata
+        arrays = {name: _tensor(content[start:], **entry) for name, entry in header.items()}
+        # otherwise copies of the same bytes of a small file could fill the memory
+        ranges = sorted((*header[name]["data_offsets"], name) for name, array in arrays.items() if array.size)
+        for (_, end, name), (begin, _, other) in pairwise(ranges):
+            if begin < end:
+                raise ValueError(f"{shown(name)} and {shown(other)} overlap")
     except (ValueError, TypeError, AttributeError, KeyError, OverflowError, RecursionError) as error:
         raise ShotError(path, f"has a header or tensor that cannot be read ({error})", _HINT) from error
+    return arrays, metadata
 
 
 def write_safetensors(
@@ -68,6 +76,8 @@ def write_safetensors(
 def _tensor(data: NDArray[np.uint8], dtype: str, shape: list[int], data_offsets: list[int]) -> NDArray[Any]:
     kind = np.dtype(_TYPES[dtype])
     begin, end = data_offsets
+    if len(shape) > _MAX_DIMENSIONS:
+        raise ValueError(f"an array of {len(shape)} dimensions; want at most {_MAX_DIMENSIONS}")
     if not 0 <= begin <= end <= data.size or end - begin != math.prod(shape) * kind.itemsize:
         raise ValueError(f"bytes {begin} to {end} of {data.size} for {dtype} {shape}")
     return data[begin:end].view(kind).reshape(shape)

@@ -19,7 +19,7 @@ from supersampler.arguments import MAX_SIDE, MAX_THREADS, AtRest, checked_path, 
 from supersampler.errors import RecordingError, ShotError, SupersamplerError
 from supersampler.frame import Frame, Size
 from supersampler.history import State
-from supersampler.io.files import NOT_FOUND, check_inside, is_own_folder, is_regular, is_there
+from supersampler.io.files import IMAGE_BYTES, NOT_FOUND, check_inside, is_own_folder, is_regular, is_there
 from supersampler.io.json_files import check_version, decoded, read_typed
 from supersampler.io.safetensors import open_safetensors, write_safetensors
 from supersampler.methods.gbuffers import frame_of, values_of
@@ -235,6 +235,8 @@ class Recording:
         path = self.path / name
         check_inside(self.path, [path])
         tensors, texts = open_safetensors(path)
+        if (size := sum(tensor.nbytes for tensor in tensors.values())) > IMAGE_BYTES:
+            raise ShotError(path, f"has {size >> 30} GiB of arrays; want at most {IMAGE_BYTES >> 30}")
         text, arrays = str(texts.get("record")), {name: np.array(array) for name, array in tensors.items()}
         if str(texts.get(_CRC)) != str(_crc_of(text, arrays)):
             raise ShotError(path, f"has changed since it was recorded ({_CRC} differs)")

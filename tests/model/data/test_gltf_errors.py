@@ -12,7 +12,7 @@ import pytest
 
 from gltf_files import GltfFile, cube, png, strip
 from supersampler_model.data.errors import DataError
-from supersampler_model.data.scenes.gltf import GltfError, GltfScene
+from supersampler_model.data.scenes.gltf import GltfError, GltfScene, model
 from supersampler_model.data.scenes.gltf.compose import read_panorama
 
 CUBE = r"mesh 0 'Cube', primitive 0"
@@ -210,6 +210,32 @@ def test_a_small_file_that_claims_a_large_size_is_refused_before_allocation(tmp_
     channels = [{"sampler": 0, "target": {"node": 0, "path": "scale"}}] * 2000
     file.add("animations", samplers=[sampler], channels=channels)
     assert "all arrays together have more than" in message_of(file, tmp_path)
+
+
+LIMITS = {
+    "MAX_NODES": "its scene has more than 2 nodes",
+    "MAX_PARTS": "its nodes show more than 2 primitives",
+    "MAX_VERTICES": "its nodes show 72 vertices; want at most 2",
+}
+
+
+@pytest.mark.parametrize("limit", LIMITS)
+def test_nodes_that_share_a_mesh_are_limited_in_number(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, limit: str
+) -> None:
+    file = cube()
+    for _ in range(2):
+        file.json["scenes"][0]["nodes"].append(file.add("nodes", mesh=0))
+    monkeypatch.setattr(model, limit, 2)
+    assert LIMITS[limit] in message_of(file, tmp_path)
+
+
+def test_a_skin_that_nodes_share_is_read_once(tmp_path: Path) -> None:
+    file = strip()
+    bind = file.array(np.tile(np.eye(4).ravel(), (5000, 1)))
+    file.json["skins"][0].update(joints=[1, 2] * 2500, inverseBindMatrices=bind)
+    file.json["scenes"][0]["nodes"] += [file.add("nodes", mesh=0, skin=0) for _ in range(2000)]
+    GltfScene(file.save(tmp_path / "crowd.glb"))  # if read for each node, the arrays exceed the limit
 
 
 def test_a_panorama_of_another_format_is_refused(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ import signal
 import subprocess
 import sys
 import time
+import zipfile
 from collections.abc import Callable, Sequence
 from itertools import cycle, islice, pairwise
 from pathlib import Path
@@ -504,6 +505,36 @@ def test_a_file_that_is_not_a_checkpoint_is_refused(tmp_path: Path) -> None:
     broken.write_bytes(b"not a checkpoint")
     with pytest.raises(ArgumentError, match="checkpoint"):
         load_checkpoint(broken)
+    with zipfile.ZipFile(broken, "w", zipfile.ZIP_DEFLATED) as file:
+        file.writestr("archive/data.pkl", bytes(1 << 20))
+    with pytest.raises(ArgumentError, match="bytes that claim to hold 1048576"):
+        load_checkpoint(broken)
+    broken.unlink()
+    os.mkfifo(broken)
+    with pytest.raises(ArgumentError, match="is not a regular file"):
+        load_checkpoint(broken)
+
+
+DAMAGE: dict[str, Callable[[dict[str, Any]], Any]] = {
+    "no updates": lambda content: content.pop("done"),
+    "too many updates": lambda content: content.update(done=PLAN.steps + 1),
+    "no states": lambda content: content.update(states=[]),
+    "another error": lambda content: content.update(error=5),
+    "other positions": lambda content: content.update(positions=[{"at": 1}] * PLAN.batch),
+    "other weights": lambda content: content["method"].popitem(),
+    "no optimizer": lambda content: content.update(optimizer=[]),
+    "other facts": lambda content: content.update(initial=5),
+}
+
+
+@pytest.mark.parametrize("case", DAMAGE)
+def test_a_checkpoint_with_another_content_is_refused(dataset: Dataset, tmp_path: Path, case: str) -> None:
+    trainer(dataset, tmp_path).save()
+    content = load_checkpoint(tmp_path / CHECKPOINT)
+    DAMAGE[case](content)
+    torch.save(content, tmp_path / CHECKPOINT)
+    with pytest.raises(ArgumentError, match=r"checkpoint is .*checkpoint\.pt, with another content"):
+        trainer(dataset, tmp_path)
 
 
 def shot(

@@ -88,7 +88,7 @@ def _check_shapes(path: Path, tensors: dict[str, NDArray[Any]]) -> None:
     if truth is not None and (truth.ndim != 4 or truth.shape[:2] != (count, 3)):
         raise ShotError(path, f"tensor {_TRUTH} is {truth.shape}; want ({count}, 3, H, W)")
     for name in ("exposure", "camera_cut", "seq"):
-        if name in tensors and (tensors[name].shape[:1] != (count,) or tensors[name].size < count):
+        if name in tensors and (tensors[name].shape[:1] != (count,) or tensors[name].size != count):
             problem = f"tensor {name} is {tensors[name].shape}; want a value for each of {count} frames"
             raise ShotError(path, problem)
 

@@ -16,7 +16,7 @@ from supersampler.conventions import Conventions, RawFrame, camera_motion, jitte
 from supersampler.conventions.conventions import checked_conventions
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import GBUFFER_CHANNELS, Array, Float32
-from supersampler.io.files import SHOT_FRAMES, write_text
+from supersampler.io.files import SHOT_FRAMES, check_inside, write_text
 from supersampler.io.images import read_exr, read_header, scene_linear_space
 from supersampler.io.json_files import FileSize, Rate, Text, check_sizes, check_version, read_typed
 from supersampler.io.shot.channels import SequenceOptions, first_file, import_channels
@@ -357,12 +357,14 @@ def import_render(folder: Path | str) -> Shot:
     """Open the frames that `supersampler blender` has rendered into a folder, as a Shot.
 
     Raises:
-        ShotError: render.json is missing or damaged, or lists no frame.
+        ShotError: render.json is missing or damaged, or lists no frame; or a frame is a link out of the
+            folder.
     """
     folder = Path(folder)
     record = read_render_record(folder)
     if not record.frames:
         raise ShotError(folder, "has no complete frame", "Give `supersampler blender` again: it continues.")
+    check_inside(folder, (folder / frame_file(record.first + index) for index in range(len(record.frames))))
     return rendered_shot(folder, record, len(record.frames), record.frames.__getitem__)
 
 

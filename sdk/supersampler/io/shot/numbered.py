@@ -12,12 +12,14 @@ from typing import TypeAlias
 from supersampler.arguments import as_index, checked_path, is_row
 from supersampler.errors import ArgumentError, MissingFramesError, ShotError, shown
 from supersampler.io.files import NOT_FOUND, SHOT_FRAMES, check_inside, is_folder
-from supersampler.io.json_files import read_json
+from supersampler.io.json_files import read_typed
 from supersampler.io.shot.format import FORBIDDEN, LARGEST_NUMBER, is_frame_range
 
 JITTER_FILE_NAME = "jitter.json"
 FRAME_SUFFIXES = (".exr", ".png", ".tif", ".tiff")
 """Suffixes of the image files that are read."""
+FOLLOW_LINKS = "--follow-links (follow_links=True in Python) reads them, if you trust who made the links."
+"""Remedy for numbered files that are links."""
 Jitter: TypeAlias = Sequence[tuple[float, float]] | Path | str
 """(x, y) of each frame, or a JSON file that holds [[x, y], ...]; a shorter list repeats."""
 Range: TypeAlias = tuple[int, int]
@@ -91,8 +93,7 @@ def numbered_files(folder: Path, pattern: str, *, follow_links: bool = False) ->
     if len(files) > SHOT_FRAMES:
         raise ShotError(folder, f"has {len(files)} files {pattern}; want at most {SHOT_FRAMES}")
     if not follow_links:
-        remedy = "--follow-links (follow_links=True in Python) reads them, if you trust who made the links."
-        check_inside(folder, files.values(), remedy)
+        check_inside(folder, files.values(), FOLLOW_LINKS)
     return dict(sorted(files.items()))
 
 
@@ -169,15 +170,17 @@ def read_jitter(folder: Path, jitter: Jitter | None, indices: Iterable[int]) -> 
         if not (folder / JITTER_FILE_NAME).exists():
             return [(0.0, 0.0) for _ in indices]
         jitter = folder / JITTER_FILE_NAME
-    values = read_json(Path(jitter)) if isinstance(jitter, Path | str) else jitter
     want = "pairs [x, y], one for each frame; a shorter list repeats"
+    if isinstance(jitter, Path | str):
+        pairs = read_typed(Path(jitter), list[tuple[float, float]], f"It holds {want}.")
+        if not pairs:
+            raise ShotError(jitter, f"is empty; want {want}")
+        return [pairs[index % len(pairs)] for index in indices]
     try:
-        pairs = [(float(x), float(y)) for x, y in values]
+        pairs = [(float(x), float(y)) for x, y in jitter]
     except (TypeError, ValueError, OverflowError, RuntimeError):  # of a user's class
         pairs = []
     if not pairs:
-        if isinstance(jitter, Path | str):
-            raise ShotError(jitter, f"does not hold {want}")
         raise ArgumentError("jitter", got=shown(jitter), want=want)
     return [pairs[index % len(pairs)] for index in indices]
 

@@ -7,7 +7,7 @@ from typing import Any, Literal, TypeAlias, get_args
 
 from supersampler.arguments import checked_choice, checked_path
 from supersampler.errors import ArgumentError, ShotError
-from supersampler.io.files import os_errors_as_shot_error
+from supersampler.io.files import check_inside, os_errors_as_shot_error
 from supersampler.io.images import read_header
 from supersampler.io.shot.arm import import_arm
 from supersampler.io.shot.blender import RENDER_FILE, import_blender, import_render, is_blender
@@ -19,7 +19,14 @@ from supersampler.io.shot.channels import (
 )
 from supersampler.io.shot.format import FILE_NAME
 from supersampler.io.shot.named_channels import import_named_channels, of_first_view, recognised_map
-from supersampler.io.shot.numbered import FRAME_SUFFIXES, Range, is_pattern, numbered_files, suggestion
+from supersampler.io.shot.numbered import (
+    FOLLOW_LINKS,
+    FRAME_SUFFIXES,
+    Range,
+    is_pattern,
+    numbered_files,
+    suggestion,
+)
 from supersampler.io.shot.shot import Shot, path_or_shipped
 
 Layout: TypeAlias = Literal["auto", "shot", "render", "blender", "channels", "arm"]
@@ -129,6 +136,8 @@ def guess_layout(
         frames = list(numbered_files(path, files, follow_links=follow_links).values())
     if not frames:
         raise ShotError(path, f"holds {_listed(names) or 'nothing'}", _KNOWN)
+    if not follow_links:
+        check_inside(path, frames[:1], FOLLOW_LINKS)
     header = read_header(frames[0])
     if is_blender(header.types):
         return "blender"

@@ -1,5 +1,6 @@
 """Loads a glTF file as instances for scenes: nodes, keyframe animation, primitives and skins."""
 
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
@@ -12,7 +13,9 @@ from supersampler_model.data.scenes import scene as scenes
 from supersampler_model.data.scenes.gltf.document import Document, Integers, Json, MalformedError, at, reading
 from supersampler_model.data.scenes.gltf.materials import Coordinates, Materials
 
+MAX_NODES = 1 << 18
 MAX_PARTS = 1 << 16  # primitives on nodes
+MAX_VERTICES = 1 << 28  # of all primitives on nodes: nodes may share a mesh
 _REST = {"translation": (0.0, 0.0, 0.0), "rotation": (0.0, 0.0, 0.0, 1.0), "scale": (1.0, 1.0, 1.0)}
 _INTERPOLATIONS = ("LINEAR", "STEP", "CUBICSPLINE")
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
@@ -114,6 +117,11 @@ class PlacedPrimitive(NamedTuple):
         moved = np.einsum("nk,nkij,nj->ni", skin.weights, palette[skin.joints], local, optimize=True)
         return np.asarray(moved[:, :3])
 
+    def box(self, found: dict[int, scenes.Matrix]) -> tuple[scenes.Values, scenes.Values]:
+        """Return the lowest and the highest corner of the vertices, (3,) each."""
+        points = self.vertices(found)
+        return points.min(axis=0), points.max(axis=0)
+
 
 class GltfScene:
     """The content of a .glb or .gltf file.
@@ -145,8 +153,12 @@ class GltfScene:
                 raise MalformedError("it shows no object")
             self.clips = _clips(document)
             found = _matrices(self._nodes, None, 0.0)
-            points = np.concatenate([part.vertices(found) for part in self._parts])
-            self.bounds: scenes.Values = np.stack([points.min(axis=0), points.max(axis=0)])
+            if (count := sum(len(part.mesh.positions) for part in self._parts)) > MAX_VERTICES:
+                raise MalformedError(f"its nodes show {count} vertices; want at most {MAX_VERTICES}")
+            # one at a time: few bytes may show many vertices
+            boxes = [part.box(found) for part in self._parts]
+            low, high = zip(*boxes, strict=True)
+            self.bounds: scenes.Values = np.stack([np.min(low, axis=0), np.max(high, axis=0)])
             self.digest = document.digest()
 
     def instances(
@@ -235,9 +247,11 @@ def _nodes(document: Document) -> tuple[Node, ...]:
         children = {child for node in content.get("nodes", []) for child in node.get("children", [])}
         roots = [index for index in range(len(content.get("nodes", []))) if index not in children]
     nodes: dict[int, Node] = {}
-    waiting: list[tuple[int, int | None]] = [(root, None) for root in roots]
+    waiting: deque[tuple[int, int | None]] = deque((root, None) for root in roots)
     while waiting:
-        index, parent = waiting.pop(0)
+        index, parent = waiting.popleft()
+        if len(nodes) == MAX_NODES:
+            raise MalformedError(f"its scene has more than {MAX_NODES} nodes")
         item = document.item("nodes", index)
         with at(document.name("nodes", index)):
             if index in nodes:
@@ -297,12 +311,15 @@ def _parts(document: Document, nodes: tuple[Node, ...]) -> Iterator[PlacedPrimit
     """Yield the visible primitives of all nodes; a mesh shared by several nodes is read once."""
     materials = Materials(document)
     read: dict[Any, tuple[scenes.Mesh, Integers | None]] = {}
+    bindings: dict[Any, Binding] = {}
     for node in nodes:
         item = document.item("nodes", node.number)
         if "mesh" not in item:
             continue
         mesh, skin = item["mesh"], item.get("skin")
-        binding = None if skin is None else _skin(document, skin, nodes)
+        if skin is not None and skin not in bindings:
+            bindings[skin] = _skin(document, skin, nodes)
+        binding = None if skin is None else bindings[skin]
         for number, content in enumerate(document.item("meshes", mesh)["primitives"]):
             with at(f"{document.name('meshes', mesh)}, primitive {number}"):
                 surface = materials.surface(content.get("material"))

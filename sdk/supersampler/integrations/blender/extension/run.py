@@ -11,6 +11,7 @@ from pathlib import Path
 from threading import Thread
 
 _PATIENCE = 10.0  # seconds between attempts to end a command
+_RECORD = 1 << 26  # maximum bytes of a record
 _LINES, _LINE = 1000, 4096  # maximum number of messages, and of characters per message
 
 
@@ -100,6 +101,8 @@ class Run:
         count = 0
         for path in self._output.glob("upscale*.json"):
             with suppress(OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
+                if not path.is_file() or path.stat().st_size > _RECORD:  # a pipe would block Blender
+                    continue
                 files = json.loads(path.read_text(encoding="utf-8"))["files"]
                 count += int(min((number for pattern, number in files.items() if "#" in pattern), default=0))
         return count  # another program's file counts as 0
