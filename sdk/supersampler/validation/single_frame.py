@@ -56,7 +56,8 @@ _MAX_RESIDUAL = 0.5  # render pixels: maximum root mean square deviation from th
 def single_frame_mistakes(frame: Frame, light: Float32 | None) -> Iterator[Mistake]:
     """Yield the mistakes in one frame; `light` is the luminance of its colour."""
     yield from _depth(frame.depth)
-    yield from _motion(frame)
+    if not frame.reset:  # across a cut motion leads to no history
+        yield from _motion(frame)
     if frame.exposure is not None and usable_exposure(frame.exposure) is None:
         yield mistakes.EXPOSURE_OUT_OF_RANGE.found(exposure=frame.exposure)
     if frame.color is not None and light is not None:
