@@ -265,9 +265,11 @@ def _hint(array: NDArray[Any], shape: tuple[object, ...], dtypes: tuple[np.dtype
     if array.shape == shape and dtypes is _INTEGERS:
         if array.dtype == np.float32:
             return "Cryptomatte's ids are bits: array.view(np.uint32). Else: array.astype(np.int32)."
+        if array.dtype.kind in "iu" and (array.max() >= 2**32 or array.min() < -(2**31)):
+            return "Some need more than 32 bits: give each object a smaller one, the same in every frame."
         return "Convert it: array.astype(np.int32)."
     if array.shape == shape:
-        if array.dtype.kind in "biu":
+        if array.dtype.kind in "iu":
             return "Scale integers to the range: array.astype(np.float32) / 255, for instance."
         return "Convert it: array.astype(np.float32)."
     if len(shape) == 3 and array.shape[1:] == shape[:2]:

@@ -253,7 +253,8 @@ class Upscaler:
             With `outputs`, a `StepResult` with this image.
 
         Raises:
-            FrameError: the frame breaks the contract. The history is unchanged; continue with the next frame.
+            FrameError: the frame breaks the contract. The history is unchanged; continue with the next frame,
+                which needs `reset` if this one had it.
             ArgumentError: `out` has a wrong shape or type, or the method has no such output.
         """
         outputs = self._checked_call(frame, outputs)

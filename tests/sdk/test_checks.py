@@ -192,6 +192,15 @@ def test_checks_turned_off_read_nothing(frames: list[Frame]) -> None:
     FrameChecker("off").check(with_pixel(frames[0], "color", np.nan), DISPLAY)
 
 
+@pytest.mark.parametrize("vector", [(5000.0, -300.0), (20.0, 15.0), (np.nan, np.inf)])
+def test_motion_across_a_cut_is_not_checked(vector: tuple[float, float]) -> None:
+    """As after a teleport, where it leads to where the camera was."""
+    motion = np.full((HEIGHT, WIDTH, 2), vector, np.float32)
+    frames = [plain_frame(jitter=halton_jitter(i, 2.0), motion=motion, reset=i == 2) for i in (2, 3)]
+    assert complaints(frames[0], validate="strict") == ""
+    assert "frame.motion is " in complaints(frames[1], validate="strict")
+
+
 def test_a_refused_frame_leaves_the_checker_as_it_was(frames: list[Frame]) -> None:
     checker = FrameChecker("strict")
     checker.check(frames[0], DISPLAY)

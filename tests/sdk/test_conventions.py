@@ -260,6 +260,7 @@ def test_floats_of_any_kind_are_converted(kind: str) -> None:
     ("fields", "message"),
     [
         ({"color": np.zeros((2, 3, 3), np.uint8)}, r"frame\.color is uint8; .* / 255"),
+        ({"reactive": np.ones((2, 3), bool)}, r"reactive is bool; .* array\.astype\(np\.float32\)\.$"),
         ({"motion": np.zeros((4, 6, 2), np.float32)}, r"shape \(4, 6, 2\).*motion_resolution='display'"),
         ({"motion": np.zeros((4, 5, 2), np.float32)}, r"motion is of shape .*motion_resolution='display'"),
         ({"depth": np.ones((2, 3, 1), np.float32)}, r"depth is of shape \(2, 3, 1\).*Drop the last axis"),

@@ -170,6 +170,7 @@ def test_wrong_ids_are_refused() -> None:
     for wrong, message in (
         (ids.astype(np.float32), r"ids is \(30, 40, 2\) float32; .*int32.*view\(np.uint32\)"),
         (ids.astype(np.int64), r"ids is \(30, 40, 2\) int64; .*astype\(np.int32\)"),
+        (ids.astype(np.int64) + 2**40, "int64; .*more than 32 bits"),
         (ids[..., 0], r"ids is \(30, 40\) int32; want \(30, 40, k\)"),
     ):
         with pytest.raises(FrameError, match=message):

@@ -180,6 +180,7 @@ def test_the_cpu_backend_treats_a_mask_as_the_graph_does(method: str) -> None:
         (np.zeros((H + 1, W), np.float32), r"\(14, 17\) float32; want \(13, 17\) float16 or float32"),
         (np.zeros((H, W, 1), np.float32), r"Drop the last axis: array\[..., 0\]"),
         (np.zeros((H, W), np.uint8), r"uint8; want .* Scale integers to the range"),
+        (np.ones((H, W), bool), r"bool; want .* Convert it: array.astype\(np.float32\)\.$"),
         (mask(1.5), r"from 1.5 to 1.5; want values in \[0, 1\]. 0 keeps the history"),
         (mask(-0.1), r"from -0.1 to -0.1; want values in \[0, 1\]"),
         (mask(np.nan), r"from nan to nan; want values in \[0, 1\]"),

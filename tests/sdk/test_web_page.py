@@ -12,7 +12,7 @@ from urllib.request import urlopen
 
 import pytest
 
-from supersampler.errors import ArgumentError, ModelError, ShotError, SupersamplerError
+from supersampler.errors import ArgumentError, ModelError, ShotError
 from supersampler.integrations.web import THREE_VERSION, page_files, serving, site_files, write_site
 from supersampler.methods.executors import with_shaders
 from supersampler_export.shaders.folder import shader_files
@@ -121,7 +121,9 @@ def test_other_paths_are_answered_with_404(url: str, path: str) -> None:
     assert b" 404 " in answer_to(url, f"GET {path} HTTP/1.0\r\n\r\n".encode("latin-1"))
 
 
-@pytest.mark.parametrize("error", [ShotError("a.exr", "is damaged"), ModelError("model.json is damaged"), MemoryError()])
+@pytest.mark.parametrize(
+    "error", [ShotError("a.exr", "is damaged"), ModelError("model.json is damaged"), MemoryError()]
+)
 def test_a_file_that_cannot_be_made_is_answered_with_500(error: Exception) -> None:
     def refuse() -> bytes:
         raise error

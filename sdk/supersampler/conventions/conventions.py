@@ -594,6 +594,8 @@ def _floating(name: str, value: object) -> NDArray[Any]:
         if array.dtype.kind == "f":  # double precision, or of the other byte order
             return array.astype(np.float32)
         hint = "Bring integers to their range first, for example pixels.astype(np.float32) / 255."
+        if array.dtype.kind == "b":
+            hint = "Convert it: array.astype(np.float32)."
         raise FrameError(name, got=array.dtype, want="float32 or float16", hint=hint)
     return array
 
