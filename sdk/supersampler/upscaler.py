@@ -614,9 +614,11 @@ class Upscaler:
         if self._extrapolator is not None:
             self._extrapolator.extrapolate(replace(frame, color=None), self._extrapolator.after_shaded(frame))
         history = self.model.first_history(display_size, size)
-        self.model.run(frame, history)
+        _, spare = self.model.run(frame, history)
         if self._on_extrapolated is not self.model:
             self._on_extrapolated.run(frame, history)
+        if self._camera.spare is None:  # the first step then writes to memory that is already mapped
+            self._camera = self._camera._replace(spare=spare)
 
     def save_state(self) -> State:
         """Copy the history. An Upscaler that loads it computes the same images from then on, bit for bit."""

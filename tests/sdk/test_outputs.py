@@ -95,6 +95,20 @@ def test_a_flat_channel_stays_flat_and_a_cut_forgets_it(model: Model) -> None:
         np.testing.assert_allclose(aovs, value, rtol=1e-5)
 
 
+def test_a_channel_of_only_0_or_1_is_as_the_graph_blends_it(
+    model: Model, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    upscaler, whole = make(model), make(model)
+    for seed in range(5):
+        frame = with_aovs(seed, channels=3)
+        assert frame.aovs is not None
+        frame.aovs[..., 0], frame.aovs[..., 2] = 0.0, 1.0 if seed < 3 else 0.0
+        ours = stepped(upscaler, frame, "aovs").aovs
+        with monkeypatch.context() as patch:
+            patch.setattr("supersampler.backends.onnx.executor._constant_channels", lambda *_: ())
+            assert ours.tobytes() == stepped(whole, frame, "aovs").aovs.tobytes()
+
+
 def test_a_channel_is_blended_by_the_weight_of_the_colour(model: Model) -> None:
     upscaler = make(model)
     zeros = np.zeros((18, 32, 1), np.float32)

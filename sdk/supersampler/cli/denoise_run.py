@@ -181,9 +181,7 @@ class DenoiseRun(FrameRun):
                 yield frame
 
         try:
-            shows = self.compare or {*self.images.formats} != {"exr"}
-            measures = shows and self.images.transform.stops is None
-            exposure = self._exposure_at(needed, plan.index(0)) if measures else None
+            exposure = self._exposure_at(needed, plan.index(0)) if self._measures_exposure else None
             before = time.perf_counter()
             for index, denoised in enumerate(self._denoiser.run(read(), skip=needed - plan.start), needed):
                 if index >= plan.stop:  # later frames are neighbours only

@@ -309,10 +309,11 @@ class FrameRun:
         progress.event("end", frames=frames, seconds=round(wall, 3), cpu_seconds=round(cpu, 3))
 
     def _queue_frames(self, queue: OutputQueue[Written], page: ComparePage | None) -> None:
-        plan, meter = self._plan, ExposureMeter()
+        plan, meter, exposure = self._plan, ExposureMeter(), 1.0
         with closing(self._steps(references=page is not None)) as steps:
             for stepped in steps:
-                exposure = meter.read_frame(stepped.frame) / stepped.frame.pre_exposure  # of the images
+                if self._measures_exposure:
+                    exposure = meter.read_frame(stepped.frame) / stepped.frame.pre_exposure  # of the images
                 position = plan.position(stepped.index)
                 if position is None:
                     continue
@@ -324,6 +325,12 @@ class FrameRun:
                     queue.put(partial(self._write, position, images, exposure, *values))
                 if page is not None and position >= len(plan.numbers) - COMPARE_FRAMES:
                     page.add(self.shot.first_number + stepped.index, *self._layers(stepped, exposure))
+
+    @property
+    def _measures_exposure(self) -> bool:
+        """Whether a file shows images at the exposure of their frame."""
+        shows = self.compare or {*self.images.formats} != {"exr"}
+        return shows and self.images.transform.stops is None
 
     def _count_step(self, index: int, direction: str = "forward") -> None:
         """Show that a step on the frame with this index is done."""

@@ -211,11 +211,13 @@ def compare_layers(
     if truth.shape != shown.shape:
         return layers, {}
     known = ~missing_pixels(reference)
-    error = np.where(known[..., None], shown - truth, 0.0)
+    error = shown - truth
+    error[~known] = 0.0
     layers["error"] = false_color(np.abs(error).mean(axis=-1) / ERROR_SCALE)
     if not known.any():
         return layers, {}
-    return layers, {PSNR: decibels(float(np.square(error[known], dtype=np.float64).mean()))}
+    compared = error if known.all() else error[known]
+    return layers, {PSNR: decibels(float(np.square(compared, dtype=np.float64).mean()))}
 
 
 def false_color(values: Array) -> Bytes:

@@ -8,8 +8,9 @@ PNG files, pages and metrics use it. The tone curve keeps hue and maps every hig
 gives no exposure, `auto_exposure` measures it, by the formula of the models' graphs.
 """
 
+from collections.abc import Callable
 from functools import reduce
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +48,7 @@ CEILING_DB = 100.0
 """The PSNR of equal images, finite for means and JSON."""
 
 _ROWS = 32  # rows per block, which stay in the cache
+_Number = TypeVar("_Number", bound=np.generic)
 _MAX_FACTOR = 1e30  # maximum exposure; its product with an image fits single precision
 
 
@@ -67,16 +69,25 @@ def display_transform(image: Array, exposure: float = 1.0) -> Float32:
     number = as_number(exposure)
     if number is None or not 0.0 < number <= _MAX_FACTOR:
         raise ArgumentError("exposure", got=shown(exposure), want=f"a number > 0, at most {_MAX_FACTOR:g}")
-    light = checked_image("image", image)
-    encoded = np.empty(light.shape, np.float32)
-    for row in range(0, len(light), _ROWS):
-        rows = light[row : row + _ROWS].astype(np.float32, copy=False)
-        toned = np.nan_to_num(rows, nan=0.0, posinf=MAX_HALF, neginf=0.0)
+
+    def encoded(rows: NDArray[Any]) -> Float32:
+        toned = np.nan_to_num(rows.astype(np.float32, copy=False), nan=0.0, posinf=MAX_HALF, neginf=0.0)
         np.clip(toned, 0.0, MAX_HALF, out=toned)
         toned *= np.float32(number)
         toned /= 1.0 + reduce(np.maximum, np.moveaxis(toned, -1, 0))[..., None]
-        np.clip(srgb_encoded(toned), 0.0, 1.0, out=encoded[row : row + _ROWS])
-    return encoded
+        return srgb_encoded(toned).clip(0.0, 1.0)
+
+    return by_rows(encoded, checked_image("image", image), np.float32)
+
+
+def by_rows(
+    function: Callable[[NDArray[Any]], NDArray[Any]], image: NDArray[Any], kind: type[_Number]
+) -> NDArray[_Number]:
+    """Return the results of a function of pixels, computed in blocks of rows, which stay in the cache."""
+    results = np.empty(image.shape, kind)
+    for row in range(0, len(image), _ROWS):
+        results[row : row + _ROWS] = function(image[row : row + _ROWS])
+    return results
 
 
 def checked_image(name: str, image: Array) -> NDArray[Any]:
@@ -95,13 +106,13 @@ def decibels(mean_squared_error: float) -> float:
 @ieee_arithmetic
 def to_uint8(shown: Array) -> NDArray[np.uint8]:
     """Round values in [0, 1] to 0..255, to nearest; values outside are clamped."""
-    return (np.clip(shown, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+    return by_rows(lambda rows: np.clip(rows, 0.0, 1.0) * 255.0 + 0.5, shown, np.uint8)
 
 
 @ieee_arithmetic
 def to_uint16(shown: Array) -> NDArray[np.uint16]:
     """Round values in [0, 1] to 0..65535, to nearest; values outside are clamped."""
-    return (np.clip(shown, 0.0, 1.0) * 65535.0 + 0.5).astype(np.uint16)
+    return by_rows(lambda rows: np.clip(rows, 0.0, 1.0) * 65535.0 + 0.5, shown, np.uint16)
 
 
 @ieee_arithmetic

@@ -20,7 +20,7 @@ from supersampler.arguments import as_number, ieee_arithmetic
 from supersampler.conventions.encodings import srgb_encoded
 from supersampler.errors import ArgumentError, ShotError, did_you_mean, shown
 from supersampler.frame import Array, Float32
-from supersampler.io.display import MAX_HALF, checked_image, display_transform
+from supersampler.io.display import MAX_HALF, by_rows, checked_image, display_transform
 from supersampler.io.files import check_is_file, os_errors_as_shot_error, utf8_path
 
 REC709 = "lin_rec709"
@@ -74,7 +74,8 @@ class OcioView:
         )
         if result.has_error:
             raise ShotError(self.config, f"cannot show {self.view!r} ({_first_line(result.geterror())})")
-        values = np.nan_to_num(np.asarray(result.get_pixels(FLOAT), np.float32), nan=0.0).clip(0.0, 1.0)
+        values = np.asarray(result.get_pixels(FLOAT), np.float32)
+        np.nan_to_num(values, copy=False, nan=0.0).clip(0.0, 1.0, out=values)
         return values if self.gamma == 1.0 else values ** np.float32(1.0 / max(self.gamma, 1e-6))
 
 
@@ -127,13 +128,18 @@ class DisplayTransform:
             ArgumentError: the image has another shape, or no numbers; or `exposure` is not a number > 0.
             ShotError: a file of the OpenColorIO configuration cannot be read.
         """
-        light = checked_image("image", image).astype(np.float32, copy=False)
+        light = checked_image("image", image)
         factor = exposure if self.stops is None else 2.0**self.stops
         if self.ocio is None and self.tone_curve and self.color_space == REC709:
             return display_transform(light, factor)
-        light = np.nan_to_num(light, posinf=MAX_HALF, neginf=-MAX_HALF)
-        if self.ocio is not None:
-            return self.ocio.show(light * np.float32(factor), self.color_space)
+        if self.ocio is None:
+            return by_rows(lambda rows: self._encoded(_finite(rows), factor), light, np.float32)
+        light = _finite(light)
+        light *= np.float32(factor)
+        return self.ocio.show(light, self.color_space)
+
+    def _encoded(self, light: Float32, factor: float) -> Float32:
+        """Return the encoded values of finite light, without `ocio`."""
         if self.color_space != REC709:
             light = light @ _matrix_to_rec709(self.color_space)
         if self.tone_curve:
@@ -295,6 +301,12 @@ def _matrix_to_rec709(color_space: str) -> Float32:
         primaries, color_space, REC709, unpremult=False, colorconfig=STUDIO_CONFIG
     )
     return np.asarray(converted.get_pixels(FLOAT), np.float32).reshape(3, 3)
+
+
+def _finite(light: Array) -> Float32:
+    """Return a copy of light in single precision without NaN and Inf."""
+    single: Float32 = np.nan_to_num(light.astype(np.float32, copy=False), posinf=MAX_HALF, neginf=-MAX_HALF)
+    return single
 
 
 def _first_line(message: str) -> str:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
@@ -549,15 +550,25 @@ def write_exr(
         else:
             spec.attribute(name, value)
     if color_space is not None:  # as OpenImageIO (`colorInteropID`) and Nuke (primaries) read it
-        config = oiio.ColorConfig(STUDIO_CONFIG)
-        if interop_id := config.get_color_interop_id(color_space):
+        interop_id, primaries = _stated_space(color_space)
+        if interop_id:
             spec.erase_attribute(_INTEROP_ID)  # of the metadata: OpenImageIO would keep it
         spec.attribute("oiio:ColorSpace", interop_id or color_space)
-        if primaries := config.get_chromaticities(color_space):
+        if primaries:
             spec.attribute("chromaticities", oiio.TypeDesc("float[8]"), primaries)
     spec.attribute("DateTime", "")  # otherwise OpenImageIO stores the time, and files of equal images differ
     pixels = np.stack(arrays, axis=-1) if isinstance(image, Mapping) else image  # mixed types: float32
     _write(path, spec, np.ascontiguousarray(pixels))
+
+
+@cache
+def _stated_space(color_space: str) -> tuple[str, Sequence[float] | None]:
+    """Return the interop id, "" if unknown, and the chromaticities, None if unknown, of a colour space.
+
+    Opening the configuration takes longer than writing a small image.
+    """
+    config = oiio.ColorConfig(STUDIO_CONFIG)
+    return config.get_color_interop_id(color_space), config.get_chromaticities(color_space)
 
 
 def _parsed_type(text: str) -> oiio.TypeDesc:
