@@ -102,4 +102,8 @@ def test_jumps_of_exposure_are_followed_as_on_the_cpu(method: str) -> None:
     frames = [replace(moving(index), exposure=value) for index, value in enumerate(exposures)]
     dark = [replace(frame, color=np.asarray(frame.color) * 1e-3) for frame in frames[:4]]
     sudden = [replace(frame, exposure=None, reset=False) for frame in (*dark, *frames[:4])]
-    assert_alike(method, [*frames, *sudden])
+    bars = [
+        replace(frame, color=np.asarray(frame.color) * (np.arange(20) < x)[:, None])
+        for frame, x in zip(sudden, (5, 5, 0, 9), strict=False)
+    ]
+    assert_alike(method, [*frames, *sudden, *bars])

@@ -257,13 +257,13 @@ def test_detail_of_the_display_keeps_its_contrast_and_finer_detail_goes() -> Non
 
 
 def followed(luma: float, exposure: float, before: float) -> float:
-    """Follow the exposure of a frame of one luminance; NaN stands for a frame without usable pixels."""
+    """Follow the exposure of a frame of one luminance; NaN stands for one without usable pixels."""
     usable = torch.full((1, 1, 2, 2), float(luma >= 0.0))
     color = torch.full((1, 3, 2, 2), luma).nan_to_num(0.0)
     return ops.exposure_for(color, usable, torch.tensor([exposure]), torch.tensor([before])).item()
 
 
-@pytest.mark.parametrize(("luma", "exposure"), [(0.5, 1e4), (0.5, 1e-3), (65504.0, 0.0), (0.0, 0.0)])
+@pytest.mark.parametrize(("luma", "exposure"), [(0.5, 1e4), (0.5, 1e-3), (65504.0, 0.0), (0.001, 0.0)])
 def test_an_outlier_changes_the_exposure_once_a_second_frame_confirms_it(
     luma: float, exposure: float
 ) -> None:
@@ -273,6 +273,15 @@ def test_an_outlier_changes_the_exposure_once_a_second_frame_confirms_it(
     assert followed(luma, exposure, first) == pytest.approx(wanted)
     back = followed(0.5, 0.0, first)
     assert back == pytest.approx(followed(0.5, 0.0, 0.3)), "one frame alone leaves nothing"
+
+
+def test_only_lit_pixels_are_measured_and_a_black_frame_keeps_the_exposure() -> None:
+    color = torch.zeros(1, 3, 8, 8)
+    color[..., :2, :3] = 0.36
+    exposure = ops.exposure_for(color, torch.ones(1, 1, 8, 8), torch.zeros(1), torch.zeros(1))
+    assert exposure.item() == pytest.approx(-0.5)
+    for black in (0.0, 1e-4):
+        assert followed(black, 0.0, 0.3) == pytest.approx(0.3)
 
 
 @given(luma=LUMAS, exposure=EXPOSURES, before=BEFORE)
@@ -289,7 +298,7 @@ def test_runtime_and_models_follow_an_exposure_alike(
     luma: float, exposure: float, before: float, sign: float
 ) -> None:
     before *= sign
-    target = None if math.isnan(luma) else 0.18 / max(luma, 1e-4)
+    target = 0.18 / luma if luma > 1e-4 else None
     wanted = usable_exposure(exposure or None) or target
     assume(wanted is None or not before or abs(abs(math.log2(wanted / abs(before))) - 6.0) > 1e-3)
     here = followed_exposure(usable_exposure(exposure or None), target, before)

@@ -17,7 +17,8 @@ from supersampler import ArgumentError, Frame, Model, Upscaler
 from supersampler.arguments import ExecutorName
 from supersampler.backends.cpu.library import encode_rgba
 from supersampler.frame import Float32
-from supersampler.io.display import display_transform
+from supersampler.io.display import auto_exposure, display_transform
+from supersampler.methods.registry import find_method
 from supersampler_bench.stress.scenes import still
 
 Models = dict[tuple[str, str], Model]
@@ -29,6 +30,7 @@ SIZES = [
 BYTES, LARGE, ROUNDING = (3e-3, 0.03), (3.3e-3, 0.03), (1e-5, 1e-3)
 """Mean difference, and that at 99 % of the pixels, of images in [0, 1]: with an int8 network, with one whose
 history is larger, without."""
+WITH_EXPOSURE = [method for method in METHODS if "exposure" in find_method(method).history]
 NETWORKS = {"classifier": BYTES, "classifier-small": BYTES, "classifier-large": LARGE}
 BRIGHT = (2e-5, 1e-3)
 """Without a network, where light is beyond half floats: toned, it is a few steps of rounding below 1."""
@@ -183,6 +185,18 @@ def test_a_frame_of_outlying_exposure_is_not_accumulated(models: Models) -> None
         assert counts[2].min() > 0.0
         assert counts[3].max() == 0.0
         assert counts[4].min() > 0.0
+
+
+@pytest.mark.parametrize("method", WITH_EXPOSURE)
+def test_black_around_a_picture_does_not_change_the_measured_exposure(models: Models, method: str) -> None:
+    color = np.array(noise(0).color)
+    color[:, 5:] = 0.0
+    frames = [replace(noise(0), color=each, exposure=None, reset=False) for each in (color, 0.0 * color)]
+    for upscaler in pair_of(models, method):
+        for frame in frames:  # the second one is black
+            upscaler.step(frame)
+            (exposure,) = history_of(upscaler)["history.exposure"]
+            assert abs(exposure) == pytest.approx(auto_exposure(color[:, :5]), rel=1e-4)
 
 
 @pytest.mark.parametrize("method", METHODS)

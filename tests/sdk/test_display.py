@@ -54,12 +54,12 @@ def test_the_log_average_of_a_grey_image_comes_to_middle_grey() -> None:
     assert auto_exposure(grey(0.5)) == pytest.approx(0.36, rel=1e-5)
 
 
-def test_black_pixels_count_as_the_darkest_too_bright_ones_as_65504_and_nan_not_at_all() -> None:
-    assert auto_exposure(grey(0.0)) == auto_exposure(grey(-1.0)) == pytest.approx(1800.0, rel=1e-4)
-    assert auto_exposure(grey(np.nan)) == pytest.approx(1800.0)
+def test_too_bright_pixels_count_as_65504_and_black_ones_and_nan_not_at_all() -> None:
+    assert auto_exposure(grey(0.0)) == auto_exposure(grey(-1.0)) == auto_exposure(grey(np.nan)) == 0.18
     assert auto_exposure(grey(np.inf)) == auto_exposure(grey(1e30)) == pytest.approx(0.18 / 65504.0)
-    half_broken = np.concatenate([grey(0.5), grey(np.nan)])
-    assert auto_exposure(half_broken) == pytest.approx(0.36, rel=1e-5)
+    for other in (np.nan, 0.0, -1.0, 1e-4):
+        assert auto_exposure(np.concatenate([grey(0.5), grey(other)])) == pytest.approx(0.36, rel=1e-5)
+    assert auto_exposure(grey(1.01e-4)) == pytest.approx(0.18 / 1.01e-4, rel=1e-5)
 
 
 def test_the_meter_takes_the_engines_exposure_as_it_is_or_measures_without_pre_exposure() -> None:
@@ -73,6 +73,7 @@ def test_the_meter_follows_slowly_until_a_cut() -> None:
     assert meter.read_frame(frame_of(grey(0.18))) == pytest.approx(1.0)
     assert meter.read_frame(frame_of(grey(1.8))) == pytest.approx(0.1**0.1)
     assert meter.read_frame(frame_of(None)) == pytest.approx(0.1**0.1)  # a frame that was not shaded
+    assert meter.read_frame(frame_of(grey(0.0))) == pytest.approx(0.1**0.1)  # black
     assert meter.read_frame(frame_of(grey(1.8), reset=True)) == pytest.approx(0.1)
 
 

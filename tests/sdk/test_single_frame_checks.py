@@ -45,17 +45,6 @@ def test_a_plain_frame_is_fine() -> None:
     assert complaints(plain_frame()) == ""
 
 
-def test_black_pixels_that_raise_the_measured_exposure_are_hinted_at() -> None:
-    picture = grey(0.3 + 0.001 * X)
-    for share, said in ((0.25, False), (0.3, True), (0.97, True), (0.99, False)):
-        frame = {"color": spread(0.0, share, picture)}
-        assert ("exposure is measured, and" in complaints(plain_frame(**frame))) == said, share
-        assert complaints(plain_frame(**frame), validate="strict").startswith("frame.exposure") == said
-        assert complaints(plain_frame(**frame, exposure=1.0)) == ""
-    dark = spread(0.0, 0.3, picture) * np.float32(1e-3)
-    assert "exposure is measured" in complaints(plain_frame(color=dark, pre_exposure=1e-3))
-
-
 @given(st.tuples(st.integers(1, 20_000), st.integers(1, 4_000)), st.booleans())
 def test_the_grid_is_regular_and_covers_any_image(size: tuple[int, int], turned: bool) -> None:
     size = size[::-1] if turned else size

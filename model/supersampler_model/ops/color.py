@@ -109,12 +109,14 @@ def largest(color: Tensor) -> Tensor:
 
 
 def measured_exposure(color: Tensor, usable: Tensor) -> tuple[Tensor, Tensor]:
-    """Return 0.18 over the log-average luminance of the usable pixels, and their number, (1,) each.
+    """Return 0.18 over the log-average luminance of the lit pixels, and their number, (1,) each.
 
-    `color` is (1, 3, h, w) linear RGB >= 0, `usable` (1, 1, h, w) 0 or 1.
+    Lit are usable pixels over DARKEST. `color` is (1, 3, h, w) linear RGB >= 0, `usable` (1, 1, h, w) 0 or 1.
     """
-    logs = luminance(color).clamp(min=DARKEST).log() * usable
-    count = usable.sum().reshape(1)  # sums: ReduceMean changed after opset 17
+    light = luminance(color)
+    lit = usable * (light > DARKEST).float()
+    logs = light.clamp(min=DARKEST).log() * lit
+    count = lit.sum().reshape(1)  # sums: ReduceMean changed after opset 17
     return EXPOSURE_KEY * (-logs.sum().reshape(1) / count.clamp(min=1.0)).exp(), count
 
 
@@ -122,8 +124,8 @@ def exposure_for(color: Tensor, usable: Tensor, given: Tensor, before: Tensor) -
     """Return the signed exposure for the history, (1,); its absolute value is the exposure of this frame.
 
     The exposure is `given` where that is in [MIN_EXPOSURE, MAX_EXPOSURE]. Otherwise it is measured and adapts
-    from the previous frame by a tenth of the difference in stops; without usable pixels the previous exposure
-    is kept. An exposure that differs from the previous one by more than a factor of EXPOSURE_OUTLIER is
+    from the previous frame by a tenth of the difference in stops; without lit pixels the previous exposure is
+    kept. An exposure that differs from the previous one by more than a factor of EXPOSURE_OUTLIER is
     ignored for one frame, and used at once if the next frame is an outlier too.
 
     Args:

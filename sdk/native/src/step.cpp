@@ -132,13 +132,13 @@ static double followed_exposure(double given, double target, double before) {
 
 static float exposure_of(const ss_frame& frame, const Samples& samples, float before) {
     const bool given = frame.exposure >= MIN_EXPOSURE && frame.exposure <= MAX_EXPOSURE;
-    double logs = 0.0, count = 0.0;
+    double logs = 0.0, lit = 0.0;
     for (int y = 0; y < samples.height && !given; y++) {
         logs += samples.rows[y].logs;
-        count += samples.rows[y].count;
+        lit += samples.rows[y].lit;
     }
     return static_cast<float>(
-        followed_exposure(given ? frame.exposure : 0.0, count > 0.0 ? EXPOSURE_KEY * exp(-logs / count) : 0.0, before));
+        followed_exposure(given ? frame.exposure : 0.0, lit > 0.0 ? EXPOSURE_KEY * exp(-logs / lit) : 0.0, before));
 }
 
 // Reads the arrays of a frame to samples.

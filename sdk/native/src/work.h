@@ -25,7 +25,7 @@ struct View {
 
 // Facts about a row of samples.
 struct RowFacts {
-    float logs, count;    // sum of log luminance, number of usable samples
+    float logs, lit;      // sum of log luminance over the lit samples, and their number
     float brightest;      // largest linear value
     bool misses, reacts;  // whether a sample is missing, or reactive
 };

@@ -34,7 +34,8 @@ EXPOSURE_OUTLIER = 64.0
 """Maximum ratio of the exposures of two frames; a larger change needs a second frame to confirm it."""
 
 DARKEST = 1e-4
-"""Minimum luminance in the logarithmic average."""
+"""Luminance up to which a pixel does not count in the logarithmic average: black around an object, or
+beside a picture, says nothing about its light."""
 
 MAX_HALF = 65504.0
 """Largest half float, to which light is clamped."""
@@ -127,26 +128,29 @@ def luminance(color: Float32) -> Float32:
 def auto_exposure(color: NDArray[Any]) -> float:
     """Return the exposure that maps an image's log-average luminance to 0.18.
 
-    0.18 / exp(mean(log(max(luminance, 1e-4)))), with BT.709 luminance of the pixels clamped to [0, 65504];
-    pixels with a NaN do not count.
+    0.18 / exp(mean(log(luminance))), with BT.709 luminance of the pixels clamped to [0, 65504]. Pixels up to
+    1e-4, and those with a NaN, do not count.
 
     Args:
         color: (h, w, 3) linear RGB.
 
     Returns:
-        > 0, at most 1800 (for a black image, or an image without a usable pixel).
+        > 0, below 1800; 0.18 for an image without a pixel that counts.
 
     Raises:
         ArgumentError: the image has another shape, or does not hold numbers.
     """
+    return _measured_exposure(color) or EXPOSURE_KEY
+
+
+def _measured_exposure(color: NDArray[Any]) -> float | None:
+    """Return the result of `auto_exposure`; None if no pixel counts."""
     color = checked_image("color", color)
     missing = missing_pixels(color)
     usable = color[~missing] if missing.any() else color.reshape(-1, 3)
-    if not usable.size:
-        return EXPOSURE_KEY / DARKEST
     light = luminance(usable.astype(np.float32, copy=False).clip(0.0, MAX_HALF))
-    logs = np.log(np.maximum(light, DARKEST))
-    return float(EXPOSURE_KEY * np.exp(-logs.mean(dtype=np.float64)))
+    lit = light[light > DARKEST]
+    return float(EXPOSURE_KEY * np.exp(-np.log(lit).mean(dtype=np.float64))) if lit.size else None
 
 
 def missing_pixels(color: NDArray[Any]) -> NDArray[np.bool_]:
@@ -170,7 +174,7 @@ def followed_exposure(given: float | None, target: float | None, before: float) 
 
     Args:
         given: the frame's exposure, in [MIN_EXPOSURE, MAX_EXPOSURE]; None: it is measured.
-        target: measured exposure, > 0; None if no pixel is usable, which keeps the previous exposure.
+        target: measured exposure, > 0; None if no pixel is lit, which keeps the previous exposure.
         before: result for the previous frame: negative after an unconfirmed outlier, 0 for the first frame.
     """
     known = abs(before)
@@ -213,6 +217,6 @@ class ExposureMeter:
             return abs(self._before) or 1.0
         if given is None and color is not None:
             factor = frame.pre_exposure
-            target = auto_exposure(color if factor == 1.0 else color / np.float32(factor))
+            target = _measured_exposure(color if factor == 1.0 else color / np.float32(factor))
         self._before = followed_exposure(given, target, self._before)
         return abs(self._before)

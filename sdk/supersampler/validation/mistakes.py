@@ -166,12 +166,6 @@ EXPOSURE_OUT_OF_RANGE = Mistake(
     "exposure out of range", "exposure", "{exposure:.3g}",
     f"{MIN_EXPOSURE:.2g} to {MAX_EXPOSURE:.2g}, which maps middle grey to 0.18",
     "It is ignored, and exposure is measured, as for exposure=None.")
-EXPOSURE_OF_BLACK = Mistake(
-    "exposure of black", "exposure",
-    "measured, and {times:.0f} times too high, as {share:.0%} of the pixels are black",
-    "that of the picture without them",
-    "State it: Frame(exposure=1.0) suits colours around 1; in shot.json, \"exposure\". Crop black bars.",
-    severity="hint")
 
 GBUFFER_NOT_FINITE = Mistake(
     "{place} not finite", "{place}", "NaN or Inf {where}", "finite",

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from supersampler.conventions.encodings import srgb_encoded
 from supersampler.frame import Array, Float32, Frame
-from supersampler.io.display import DARKEST, usable_exposure
+from supersampler.io.display import usable_exposure
 from supersampler.validation import mistakes
 from supersampler.validation.mistakes import Mistake, where
 from supersampler.validation.probe import (
@@ -22,7 +22,6 @@ from supersampler.validation.probe import (
 )
 
 _MAX_MIXED = 0.55  # maximum fraction of mixed edges in point samples; filtered colour has more
-_MIN_LIT, _MAX_TIMES = 100, 8.0  # lit pixels, and the factor by which black ones raise the measured exposure
 # Displayed colours, as fractions of the display's range.
 _FULL = 0.9  # minimum of the brightest value
 _MIDDLE = (0.3, 0.85)  # range of the median of the pixels' largest channels
@@ -62,28 +61,12 @@ def single_frame_mistakes(frame: Frame, light: Float32 | None) -> Iterator[Mista
     if frame.exposure is not None and usable_exposure(frame.exposure) is None:
         yield mistakes.EXPOSURE_OUT_OF_RANGE.found(exposure=frame.exposure)
     if frame.color is not None and light is not None:
-        found = list(_color(frame, frame.color, light))
-        yield from found
-        if frame.exposure is None and not found:  # a wrong unit of colour comes first
-            yield from _measured_exposure(light)
+        yield from _color(frame, frame.color, light)
         tone = tone_mapped(light, light)
         yield from upside_down(frame.depth, tone)
         mixed = mixed_edges(tone, frame.depth)
         if mixed > _MAX_MIXED:
             yield mistakes.COLOR_FILTERED.found(share=mixed)
-
-
-def _measured_exposure(light: Float32) -> Iterator[Mistake]:
-    """Yield a mistake if black pixels raise the measured exposure far above that of the others."""
-    values = light[pixel_grid((light.shape[1], light.shape[0]))]
-    values = values[np.isfinite(values)]
-    lit = values > DARKEST
-    if np.count_nonzero(lit) < _MIN_LIT:
-        return
-    logs = np.log(np.maximum(values, DARKEST))
-    times = float(np.exp(logs[lit].mean() - logs.mean()))
-    if times > _MAX_TIMES:
-        yield mistakes.EXPOSURE_OF_BLACK.found(times=times, share=1.0 - lit.mean())
 
 
 # --- colour ---

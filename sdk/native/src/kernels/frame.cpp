@@ -15,16 +15,17 @@ void read_frame(const FrameImages& frame, const Samples& s, int y0, int y1, int 
     for (int y = y0; y < y1; y++) {
         const float* color = packed_row(frame.color, 3, y, s.width, scratch);
         float* linear = s.linear + static_cast<ptrdiff_t>(y) * 3 * s.stride;
-        F logs = F{}, count = F{}, brightest = F{};
+        F logs = F{}, lit = F{}, count = F{}, brightest = F{};
         for (int x = 0; x < s.stride; x += W) {  // beyond the row its last sample is repeated
             F3 c = load_rgb(whole_vector<3>(color, x, s.width, rgb_tail));
             if (frame.pre_exposure != 1.0f)
                 c = {c.r / frame.pre_exposure, c.g / frame.pre_exposure, c.b / frame.pre_exposure};
             I good = usable(c), inside = ramp() + x < s.width;
             c = sanitize(c);
-            F one = select(good & inside, 1.0f, F{});
-            logs += logarithm(maximum(luminance(c), DARKEST)) * one;
-            count += one;
+            F light = luminance(c), one = select(good & inside & (light > DARKEST), 1.0f, F{});
+            logs += logarithm(maximum(light, DARKEST)) * one;
+            lit += one;
+            count += select(good & inside, 1.0f, F{});
             F missing = spread(__builtin_nanf(""));
             brightest = maximum(brightest, select(good, largest(c), F{}));
             c = select(good, c, F3{missing, missing, missing});
@@ -33,8 +34,8 @@ void read_frame(const FrameImages& frame, const Samples& s, int y0, int y1, int 
             store(linear + 2 * s.stride + x, c.b);
         }
         RowFacts& row = s.rows[y];
-        row = {sum_of_lanes(logs), sum_of_lanes(count), largest_of_lanes(brightest), false, false};
-        row.misses = row.count < static_cast<float>(s.width);
+        row = {sum_of_lanes(logs), sum_of_lanes(lit), largest_of_lanes(brightest), false, false};
+        row.misses = sum_of_lanes(count) < static_cast<float>(s.width);
         if (frame.reactive) {
             const float* mask = packed_row(frame.reactive, 1, y, s.width, scratch);
             float* reactive = s.reactive + static_cast<ptrdiff_t>(y) * s.stride;

@@ -8,7 +8,7 @@ fn is_outlier(exposure: f32, known: f32) -> bool {
 }
 
 // Signed exposure for the history: negative until a second frame confirms it.
-//   measured: sum of the logarithms, and number of usable samples; before: of the previous frame, 0 without one
+//   measured: sum of the logarithms, and number of lit samples; before: of the previous frame, 0 without one
 fn exposure_after(measured: vec2f, before: f32) -> f32 {
     let target_exposure = EXPOSURE_KEY * exp(-measured.x / max(measured.y, 1.0));
     let known = abs(before);

@@ -1,4 +1,4 @@
-// Sums of logarithms of luminance for the exposure, one pair for each of PARTS workgroups.
+// Sums of logarithms of luminance for the exposure, and numbers of lit samples, for each of PARTS workgroups.
 // import params
 // import sanitize
 // import colors
@@ -18,7 +18,8 @@ fn main(@builtin(local_invocation_index) thread: u32, @builtin(workgroup_id) gro
     var sum = vec2f(0.0);
     for (var i = group.x * THREADS + thread; i < count; i += THREADS * PARTS) {
         let color = color_at(vec2i(i32(i) % size.x, i32(i) / size.x));
-        if (all_valid(color)) { sum += vec2f(log(max(luminance(scene_color(color)), DARKEST)), 1.0); }
+        let light = luminance(scene_color(color));
+        if (all_valid(color) && light > DARKEST) { sum += vec2f(log(light), 1.0); }
     }
     sums[thread] = sum;
     for (var half = THREADS / 2u; half > 0u; half /= 2u) {
