@@ -18,7 +18,7 @@ from supersampler.arguments import ExecutorName
 from supersampler.backends.cpu.library import encode_rgba
 from supersampler.frame import Float32
 from supersampler.io.display import auto_exposure, display_transform
-from supersampler.methods.registry import find_method
+from supersampler.methods.registry import methods
 from supersampler_bench.stress.scenes import still
 
 Models = dict[tuple[str, str], Model]
@@ -30,7 +30,7 @@ SIZES = [
 BYTES, LARGE, ROUNDING = (3e-3, 0.03), (3.3e-3, 0.03), (1e-5, 1e-3)
 """Mean difference, and that at 99 % of the pixels, of images in [0, 1]: with an int8 network, with one whose
 history is larger, without."""
-WITH_EXPOSURE = [method for method in METHODS if "exposure" in find_method(method).history]
+WITH_EXPOSURE = [method for method in METHODS if "exposure" in methods()[method].history]
 NETWORKS = {"classifier": BYTES, "classifier-small": BYTES, "classifier-large": LARGE}
 BRIGHT = (2e-5, 1e-3)
 """Without a network, where light is beyond half floats: toned, it is a few steps of rounding below 1."""
