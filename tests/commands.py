@@ -37,7 +37,7 @@ def refused(*command: object) -> str:
 
 
 class Running(NamedTuple):
-    """A process that has not ended; zombies have."""
+    """A running process; zombies are not among them."""
 
     pid: int
     parent: int

@@ -88,7 +88,7 @@ def test_a_size_beyond_the_limits_is_refused_before_allocation(tmp_path: Path, s
 def test_header_entries_without_end_are_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, parts: int
 ) -> None:
-    """OpenEXR takes minutes for two megabytes of them."""
+    """OpenEXR takes minutes to read two megabytes of header entries."""
     specs = [ImageSpec(8, 6, 3, "half") for _ in range(parts)]
     for name, spec in zip("ab", specs, strict=False):
         spec.attribute("oiio:subimagename", name)

@@ -27,7 +27,7 @@ MIN_DECIBELS = 60.0  # dB, of a chunk's images against those of one run
 
 @pytest.fixture(scope="module", autouse=True)
 def _own_sessions(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Sessions have folders in $TMPDIR/OpenJD: in /tmp it may be of another user, and kills leave them."""
+    """Give Open Job Description its own temporary folder: /tmp/OpenJD may belong to another user."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("TMPDIR", str(tmp_path_factory.mktemp("sessions")))
         yield

@@ -70,7 +70,7 @@ thread.join()
 
 
 def test_a_forked_child_does_not_keep_a_folder_locked(tmp_path: Path) -> None:
-    """A worker that outlives a killed command would keep the next one from its folder."""
+    """Otherwise the next command could not write to a folder while a worker of a killed one still runs."""
     run_apart(f"""
 import os, signal, time
 from pathlib import Path

@@ -194,7 +194,7 @@ def test_checks_turned_off_read_nothing(frames: list[Frame]) -> None:
 
 @pytest.mark.parametrize("vector", [(5000.0, -300.0), (20.0, 15.0), (np.nan, np.inf)])
 def test_motion_across_a_cut_is_not_checked(vector: tuple[float, float]) -> None:
-    """As after a teleport, where it leads to where the camera was."""
+    """Motion vectors after a teleport lead to the place of the old camera, or are not numbers."""
     motion = np.full((HEIGHT, WIDTH, 2), vector, np.float32)
     frames = [plain_frame(jitter=halton_jitter(i, 2.0), motion=motion, reset=i == 2) for i in (2, 3)]
     assert complaints(frames[0], validate="strict") == ""

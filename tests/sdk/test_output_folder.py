@@ -162,7 +162,7 @@ def test_a_file_is_listed_before_it_is_written(
 
 
 def test_a_record_of_any_depth_is_read_or_refused(tmp_path: Path) -> None:
-    """A reader of JSON may accept a depth at which the next one ends."""
+    """Two JSON readers run in turn; their limits of nesting differ."""
     for depth in range(100, 1100):
         nested = "[" * depth + "]" * depth
         (tmp_path / "upscale.json").write_text(f'{{"a": {nested}, "files": {{}}}}')

@@ -180,7 +180,8 @@ class StopRequest:
         self.requested = True
         for number in self._before:
             signal.signal(number, signal.default_int_handler)
-        with suppress(OSError, RuntimeError, SystemExit):  # nobody reads it, or this interrupts another line
+        # The pipe may be closed, and the console may be in the middle of another message.
+        with suppress(OSError, RuntimeError, SystemExit):
             _CONSOLE.print("Stopping after this update. Ctrl-C again stops at once, without saving.")
 
 

@@ -41,7 +41,7 @@ _DAMAGE = (
     OSError, RuntimeError, ValueError, EOFError, LookupError, TypeError, AttributeError,
     pickle.UnpicklingError, zipfile.BadZipFile,
 )  # fmt: skip
-"""Errors of torch and zipfile for files that are no checkpoints."""
+"""Errors that torch and zipfile raise for files that are not checkpoints."""
 SMALLEST_CROP = 17
 """Display pixels: two pixels of a network's coarsest level, as batch normalisation needs more than one."""
 

@@ -34,8 +34,8 @@ EXPOSURE_OUTLIER = 64.0
 """Maximum ratio of the exposures of two frames; a larger change needs a second frame to confirm it."""
 
 DARKEST = 1e-4
-"""Luminance up to which a pixel does not count in the logarithmic average: black around an object, or
-beside a picture, says nothing about its light."""
+"""Pixels up to this luminance are left out of the logarithmic average. A black background or letterbox
+bars would otherwise raise the exposure."""
 
 MAX_HALF = 65504.0
 """Largest half float, to which light is clamped."""

@@ -167,7 +167,7 @@ def test_a_worker_that_ends_while_others_start_is_one_line(
 def test_a_worker_that_is_killed_in_the_middle_of_a_message_is_one_line(
     dataset: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A pipe takes PIPE_BUF bytes as a whole. After a part of a message, the trainer would wait forever."""
+    """A pipe accepts up to PIPE_BUF bytes at once. After half a message, the trainer would wait forever."""
     trains, send = os.getpid(), multiprocessing.connection.Connection._send  # type: ignore[attr-defined]
 
     def send_and_end(connection: Any, data: bytes, *_: object) -> None:
@@ -405,7 +405,7 @@ def test_a_run_takes_its_folder_before_the_first_update(
 
 
 def test_two_runs_do_not_train_in_one_folder_at_once(dataset: Dataset, tmp_path: Path) -> None:
-    """One that follows a killed run removes the checkpoint that was being written."""
+    """A run that follows a killed one also removes its partial checkpoint."""
     partial = tmp_path / ".checkpoint.01234567.partial.pt"
     partial.touch()
     command = [
