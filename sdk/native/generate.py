@@ -12,6 +12,7 @@ from supersampler.backends.cpu.model_bytes import model_bytes
 from supersampler.backends.gpu.shader import SHARED_CONSTANTS, Number, Vector, numbers_of
 from supersampler.denoising import spec as denoising
 from supersampler.io.files import replacing
+from supersampler.methods.aovs import spec as aovs
 from supersampler.methods.extrapolation.spec import NEIGHBOURS
 from supersampler.methods.gbuffer.spec import NEIGHBOUR_WEIGHTS, STEP_COST
 from supersampler.methods.model_file import extrapolation_names, model_names, read_model_info, shipped_model
@@ -41,6 +42,11 @@ def constants_header() -> str:
     lines += [_line(name, value) for module in SHARED_CONSTANTS for name, value in numbers_of(module).items()]
     for name in METHODS:
         lines += _method(methods()[name])
+    lines += [
+        "\nnamespace aovs {",
+        *(_line(*item) for item in numbers_of(aovs.__name__).items()),
+        "}  // namespace aovs",
+    ]
     lines += ["\nnamespace temporal_filter {"]
     lines += [_line(name, value) for name, value in numbers_of(denoising.__name__).items()]
     lines += _weights(denoising.OF_DENOISED, denoising.OF_NOISY)

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from supersampler import arguments
 from supersampler.arguments import AtRest, ExecutorName, Precision
-from supersampler.backends.base import Executor, StepReport, StepRequest
+from supersampler.backends.base import AovRequest, Executor, StepReport, StepRequest
+from supersampler.backends.cpu.aovs import blend_aovs
 from supersampler.backends.cpu.executor import CpuExecutor
 from supersampler.backends.cpu.ids import IdHistory, IdRequest, resample_ids
 from supersampler.backends.cpu.library import aligned
@@ -23,6 +24,7 @@ from supersampler.conventions.jitter import check_ratio
 from supersampler.errors import ArgumentError, FrameError, shown
 from supersampler.frame import Float32, Frame, Size, checked_frame, checked_values
 from supersampler.history import History, StepResult
+from supersampler.io.display import MAX_HALF
 from supersampler.methods.array_spec import ArraySpec, checked_arrays, values_of
 from supersampler.methods.at_rest import ADDED, check_history, converged_fraction
 from supersampler.methods.executors import choose_executor
@@ -307,11 +309,34 @@ class Model:
             )
             histories.append(next_history)
         reports = self._executor.step_many(requests)
+        self._blend_aovs(steps, histories, reports)
         self._resample_ids(steps, histories)
         return [
             (self._result(step, request.image, report, next_history), next_history, report.stages)
             for step, request, report, next_history in zip(steps, requests, reports, histories, strict=True)
         ]
+
+    def _blend_aovs(
+        self, steps: Sequence[ModelStep], next_histories: Sequence[History], reports: Sequence[StepReport]
+    ) -> None:
+        """Write the AOVs of the steps that ask for them to their next histories.
+
+        The GPU backend keeps its own.
+        """
+        asking = [k for k, step in enumerate(steps) if "aovs" in step.outputs and self.executor != "gpu"]
+        if not asking:
+            return
+        requests = []
+        for k in asking:
+            frame, history = steps[k].frame, steps[k].history
+            weight = None if history.aovs is None else reports[k].outputs.get("weight")
+            requests.append(AovRequest(frame, history.display_size, weight, history.aovs))
+        if isinstance(self._executor, CpuExecutor):
+            blended = blend_aovs(requests, self._executor.handle)
+        else:
+            blended = [self._aov_blender.blend(request) for request in requests]
+        for k, aovs in zip(asking, blended, strict=True):
+            next_histories[k].aovs = aovs
 
     def _resample_ids(self, steps: Sequence[ModelStep], next_histories: Sequence[History]) -> None:
         """Write the ids of the steps that ask for them to their next histories."""
@@ -336,11 +361,7 @@ class Model:
             image = step.out
         aovs = None
         if "aovs" in outputs:
-            blended = report.outputs.get("aovs")  # of the GPU backend
-            if blended is None:
-                weight = report.outputs.get("weight")
-                blended = self._aov_blender.blend(frame, weight, history.aovs, display)
-                next_history.aovs = blended
+            blended = next_history.aovs if self.executor != "gpu" else report.outputs["aovs"]
             aovs = blended[0].transpose(1, 2, 0).copy()
         ids = None
         if next_history.ids is not None and frame.ids is not None:
@@ -464,7 +485,7 @@ class Model:
             for t in self.info.history
         }
         if isinstance(arrays, Mapping) and AOVS in arrays:
-            specs[AOVS] = ArraySpec("float32", (1, "k", *display[::-1]), values_of(AOVS))
+            specs[AOVS] = ArraySpec("float32", (1, "k", *display[::-1]), (-MAX_HALF, MAX_HALF))
         if isinstance(arrays, Mapping) and IDS in arrays:
             specs[IDS] = ArraySpec("uint32", (*display[::-1], "ids"))
             specs[ID_DISTANCE] = ArraySpec("float32", display[::-1], values_of(ID_DISTANCE))

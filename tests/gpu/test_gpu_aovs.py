@@ -11,6 +11,7 @@ from method_lists import WITH_SHADERS
 from noise import Size, noise
 from shared_models import shared_model
 from supersampler import Frame
+from supersampler.backends.base import AovRequest
 from supersampler.backends.onnx.executor import AovBlender
 from supersampler.errors import DeviceError
 from supersampler.methods.model_file import read_upscaling_info
@@ -46,7 +47,8 @@ def test_blended_aovs_are_those_of_the_graph_with_the_same_weights(
         np.testing.assert_array_equal(result.image, silent.step(frame))
         assert result.weight is not None
         assert result.aovs is not None
-        history = graph.blend(frame, result.weight[None, None], history, display)
+        weight = None if history is None else result.weight[None, None]
+        history = graph.blend(AovRequest(frame, display, weight, history))
         apart.append(np.abs(result.aovs - history[0].transpose(1, 2, 0)).ravel())
     differences = np.concatenate(apart)
     assert differences.mean() < 5e-4
@@ -59,7 +61,7 @@ def test_infinite_values_count_as_the_largest() -> None:
     for value in (np.inf, -np.inf, 1e30):
         aovs = np.asarray(noisy(0, (20, 12)).aovs)
         frame = noisy(0, (20, 12), aovs=np.where(aovs > 0.8, np.float32(value), aovs))
-        wanted = graph.blend(frame, None, None, (40, 24))
+        wanted = graph.blend(AovRequest(frame, (40, 24), None, None))
         np.testing.assert_allclose(aovs_of(ours, frame), wanted[0].transpose(1, 2, 0), rtol=1e-4, atol=1e-4)
 
 

@@ -15,7 +15,7 @@ from supersampler.arguments import ExecutorName
 from supersampler.aux_outputs import CLASS_COLORS, aux_output_layers, class_colors
 from supersampler.cli.results import ImageOptions, OutputImage
 from supersampler.conventions.encodings import srgb_decoded
-from supersampler.io.display import display_transform, to_uint16
+from supersampler.io.display import MAX_HALF, display_transform, to_uint16
 from supersampler.io.images import read_exr, read_image, write_exr, write_png
 from supersampler.io.shot import ShotWriter
 from supersampler.validation import FrameChecker
@@ -95,18 +95,14 @@ def test_a_flat_channel_stays_flat_and_a_cut_forgets_it(model: Model) -> None:
         np.testing.assert_allclose(aovs, value, rtol=1e-5)
 
 
-def test_a_channel_of_only_0_or_1_is_as_the_graph_blends_it(
-    model: Model, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    upscaler, whole = make(model), make(model)
-    for seed in range(5):
-        frame = with_aovs(seed, channels=3)
-        assert frame.aovs is not None
-        frame.aovs[..., 0], frame.aovs[..., 2] = 0.0, 1.0 if seed < 3 else 0.0
-        ours = stepped(upscaler, frame, "aovs").aovs
-        with monkeypatch.context() as patch:
-            patch.setattr("supersampler.backends.onnx.executor._constant_channels", lambda *_: ())
-            assert ours.tobytes() == stepped(whole, frame, "aovs").aovs.tobytes()
+@pytest.mark.parametrize("executor", ["cpu", "onnx"])
+@pytest.mark.parametrize("value", [0.0, 1.0, -65504.0, 65504.0, np.inf])
+def test_a_constant_channel_stays_constant_up_to_the_limit(executor: ExecutorName, value: float) -> None:
+    upscaler = make(shared_model("taau", executor))
+    for seed in range(4):
+        aovs: Any = stepped(upscaler, noise(seed, aovs=np.full((18, 32, 1), value, np.float32)), "aovs").aovs
+        np.testing.assert_allclose(aovs, np.clip(value, -MAX_HALF, MAX_HALF), rtol=1e-6)
+        assert np.abs(aovs).max() <= MAX_HALF
 
 
 def test_a_channel_is_blended_by_the_weight_of_the_colour(model: Model) -> None:

@@ -47,6 +47,17 @@ def test_images_are_those_of_separate_sessions(method: str, threads: int, execut
         np.testing.assert_equal(ours.save_state().history, theirs.save_state().history)
 
 
+@pytest.mark.parametrize("executor", ["cpu", "onnx"])
+def test_aovs_are_those_of_separate_sessions(executor: ExecutorName) -> None:
+    model = shared_model("taau", threads=2, executor=executor)
+    at_once, alone = cameras(model), cameras(model)
+    for index in range(3):
+        frames = [replace(frame, aovs=np.asarray(frame.color)) for frame in frames_at(index)]
+        results = Upscaler.step_many(at_once, frames, outputs=("aovs",))
+        for result, upscaler, frame in zip(results, alone, frames, strict=True):
+            np.testing.assert_array_equal(result.aovs, upscaler.step(frame, outputs=("aovs",)).aovs)
+
+
 def test_images_are_written_to_one_array_of_all_views() -> None:
     model = shared_model("taau")
     views = [Upscaler(model, display_size=(64, 36)) for _ in range(3)]

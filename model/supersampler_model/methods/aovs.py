@@ -47,7 +47,7 @@ class BlendAovs(Method):
         vectors = grid.pick_first_vectors(ops.to_display(dilated, display, render))
         history = read_bounded(ops.finite(history_aovs), ops.reproject(vectors, display, grid).position)
         keep = torch.where(certainty > MIN_CERTAINTY, weight.clamp(0.0, 1.0), 1.0)
-        blend = current + keep * (history - current)
+        blend = (current + keep * (history - current)).clamp(-MAX_HALF, MAX_HALF)
         return blend, blend * 1.0
 
 

@@ -278,6 +278,24 @@ typedef struct ss_ids {
  * model: its threads do the work; NULL: the calling thread does. */
 SS_API ss_status ss_resample_ids(ss_model* model, const ss_ids* views, int count, ss_error* error);
 
+/* AOVs of one view: alpha, masks, normals or any other channels. Arrays are packed. */
+typedef struct ss_aovs {
+    int width, height, display_width, display_height, channels;
+    const float* aovs;   /* (height, width, channels) of the frame's samples; NaN: missing in this channel */
+    const float* depth;  /* (height, width) as in `ss_frame` */
+    const float* motion; /* (height, width, 2) as in `ss_frame` */
+    float jitter[2];
+    const float* weight;   /* (display_height, display_width) as `ss_outputs.weight`; NULL: 0 */
+    const float* previous; /* `image` of the previous frame; NULL on the first frame, and after a cut */
+    float* image; /* (display_height, display_width, channels), written to, in [-65504, 65504]; not `previous` */
+} ss_aovs;
+
+/* Upsamples the AOVs of several views to display size, after `ss_step` with `weight` among its outputs, and blends each with
+ * its history by this weight. Where a channel has only missing samples, its history is kept.
+ *
+ * model: its threads do the work. */
+SS_API ss_status ss_blend_aovs(ss_model* model, const ss_aovs* views, int count, ss_error* error);
+
 /* One frame of the temporal filter: packed arrays of the size of the image. */
 typedef struct ss_temporal_frame {
     const float* color;  /* (height, width, 4) linear RGB, denoised, and 1; 0 in all four where a sample is missing */

@@ -284,6 +284,11 @@ constexpr Constant CONSTANTS[] = {
 };
 }  // namespace guided_warp
 
+namespace aovs {
+constexpr float SIGMA = 0.35f;
+constexpr float MIN_CERTAINTY = 0.001f;
+}  // namespace aovs
+
 namespace temporal_filter {
 constexpr int REACH = 5;
 constexpr float ACCUMULATED = 2.0f;

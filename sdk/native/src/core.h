@@ -43,6 +43,10 @@ constexpr T clamp(T value, T low, T high) {
 constexpr uint8_t to_unorm8(float value) {
     return value > 0.0f ? static_cast<uint8_t>(min(value, 1.0f) * 255.0f + 0.5f) : 0;
 }
+constexpr float usable_motion(float motion) {
+    return motion >= -FINITE_MOTION && motion <= FINITE_MOTION ? clamp(motion, -MAX_MOTION, MAX_MOTION) : 0.0f;
+}
+constexpr float usable_depth(float depth) { return depth >= 0.0f && depth <= MAX_DEPTH ? depth : UNKNOWN_DEPTH; }
 constexpr int divided_up(int count, int by) { return (count + by - 1) / by; }
 constexpr int up_to(int count, int multiple) { return divided_up(count, multiple) * multiple; }
 constexpr Size half_of(Size size) { return {divided_up(size.width, 2), divided_up(size.height, 2)}; }

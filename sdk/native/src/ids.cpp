@@ -5,7 +5,7 @@
 
 namespace ss {
 
-constexpr int BAND_ROWS = 32, MAX_ID_CHANNELS = 1024;
+constexpr int BAND_ROWS = 32;
 
 // Returns the sample of this frame nearest to a pixel on one axis, and their distance in pixels.
 static int nearest_sample(int pixel, float ratio, float jitter, int samples, float* distance) {
@@ -24,12 +24,6 @@ static bool same_ids(const uint32_t* a, const uint32_t* b, int channels) {
 struct Vector {
     float x, y;
 };
-
-static float usable_motion(float motion) {
-    return fabsf(motion) <= FINITE_MOTION ? clamp(motion, -MAX_MOTION, MAX_MOTION) : 0.0f;
-}
-
-static float usable_depth(float depth) { return depth >= 0.0f && depth <= MAX_DEPTH ? depth : UNKNOWN_DEPTH; }
 
 // Motion of a sample in display pixels.
 static Vector motion_of(const ss_ids& v, ptrdiff_t sample) {
@@ -108,8 +102,8 @@ static void resample_rows(const ss_ids& v, int y0, int y1) {
 static ss_status check(const ss_ids& v, ss_error* error) {
     if (ss_status status = check_size(v.width, v.height, "the frame", error)) return status;
     if (ss_status status = check_size(v.display_width, v.display_height, "the display", error)) return status;
-    if (v.channels < 1 || v.channels > MAX_ID_CHANNELS)
-        return fail(error, SS_BAD_ARGUMENT, "channels is %d; want 1 to %d", v.channels, MAX_ID_CHANNELS);
+    if (v.channels < 1 || v.channels > MAX_CHANNELS)
+        return fail(error, SS_BAD_ARGUMENT, "channels is %d; want 1 to %d", v.channels, MAX_CHANNELS);
     if (!v.ids || !v.depth || !v.motion || !v.image || !v.distance)
         return fail(error, SS_BAD_ARGUMENT, "an array is NULL; only previous and previous_distance may be");
     if (!v.previous != !v.previous_distance)

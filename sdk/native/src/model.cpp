@@ -6,6 +6,19 @@ namespace ss {
 
 constexpr int KEPT_BUFFERS = 4;  // minimum number, for dynamic resolution
 
+void take_axes(Arena& arena, Tables& t, Size render, Size display) {
+    Axis* axes[] = {&t.x, &t.y};
+    const int pixels[] = {display.width, display.height}, samples[] = {render.width, render.height};
+    for (int k = 0; k < 2; k++) {
+        Axis& a = *axes[k];
+        a.pixels = pixels[k], a.samples = samples[k], a.pitch = up_to(pixels[k], LANES);
+        a.start = arena.take<int32_t>(a.pitch);
+        a.nearest = arena.take<int32_t>(a.pitch);
+        a.weights = arena.take<float>(static_cast<size_t>(4 * t.filter_count) * a.pitch);
+        if (t.window_sigma > 0.0f) a.windows = arena.take<float>(static_cast<size_t>(3) * a.pitch);
+    }
+}
+
 // Allocates the buffers that steps of all methods need.
 static void make_step_buffers(const Model& model, StepBuffers& buffers) {
     const Size render = buffers.render, display = buffers.display;
@@ -37,16 +50,7 @@ static void make_step_buffers(const Model& model, StepBuffers& buffers) {
     Tables& t = buffers.tables;
     t = {};
     model.method->add_filters(model, t);
-    Axis* axes[] = {&t.x, &t.y};
-    const int pixels[] = {display.width, display.height}, samples[] = {render.width, render.height};
-    for (int k = 0; k < 2; k++) {
-        Axis& a = *axes[k];
-        a.pixels = pixels[k], a.samples = samples[k], a.pitch = up_to(pixels[k], LANES);
-        a.start = buffers.arena.take<int32_t>(a.pitch);
-        a.nearest = buffers.arena.take<int32_t>(a.pitch);
-        a.weights = buffers.arena.take<float>(static_cast<size_t>(4 * t.filter_count) * a.pitch);
-        if (t.window_sigma > 0.0f) a.windows = buffers.arena.take<float>(static_cast<size_t>(3) * a.pitch);
-    }
+    take_axes(buffers.arena, t, render, display);
     make_rest(buffers, buffers.rest);
     if (model.method->larger) make_downsampling(model, buffers);
     buffers.warps = buffers.arena.take<WarpScratch>(model.pool.threads());

@@ -8,6 +8,7 @@
 namespace ss {
 
 constexpr int MAX_SIDE = 32768, MAX_PIXELS = 1 << 26;
+constexpr int MAX_CHANNELS = 1024;  // of ids and AOVs
 constexpr int MAX_PLANES = 4, MAX_VALUES = 4;
 
 // An array of a history: of tiles at display or half display size, or of samples, whose rows are padded as those of
@@ -208,6 +209,7 @@ struct Step {
     const Workers& workers() const { return at_work; }
 };
 
+void take_axes(Arena& arena, Tables& tables, Size render, Size display);  // after the filters were added
 void fill_missing(Step& step);  // computes the values of missing samples; the exposure is known
 void make_tables(const Step& step);
 void resample(Step& step);         // fills and tones samples, dilates motion

@@ -253,6 +253,21 @@ struct TemporalFilter {
     float* scratch;
 };
 
+// AOVs of one view.
+struct AovWork {
+    static constexpr int BORDER = 2;  // samples beyond either end of a row that pixels read
+    const ss_aovs* view;
+    Tables tables;
+    float* lines;  // of each thread three, `line_pitch` apart: filtered samples, their weights, motion of samples
+    size_t line_pitch;
+    WarpScratch* scratch;
+
+    // Values of the longest line, and of a vector that begins in it.
+    static size_t line_values(const ss_aovs& view) {
+        return static_cast<size_t>(view.width + 2 * BORDER) * max(view.channels, 2) + LANES;
+    }
+};
+
 // Name and parameters of each kernel.
 // clang-format off
 #define SS_KERNELS(kernel)                                                                                            \
@@ -286,6 +301,7 @@ struct TemporalFilter {
     kernel(merge_row, (float* image, const float* other, const float* weight, const float* other_weight,              \
                        int width, float exposure))                                                                    \
     kernel(temporal_rows, (const TemporalFilter&, int y0, int y1))                                                    \
+    kernel(blend_aovs, (const AovWork&, int y0, int y1, int thread))                                                  \
     kernel(nearest_motion_rows, (const float* depth, const float* motion, float* to, Size size, int y0, int y1))      \
     kernel(keep_depth, (const ClassifierWork&, int y0, int y1))                                                       \
     kernel(prepare_surfaces, (const ClassifierWork&, int y0, int y1, int thread))                                     \

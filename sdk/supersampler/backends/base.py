@@ -40,6 +40,22 @@ class StepRequest(NamedTuple):
     skip: bool = True
 
 
+class AovRequest(NamedTuple):
+    """Arguments of blending the AOVs of one view, after its step.
+
+    Attributes:
+        frame: the frame, with AOVs.
+        display: (W, H).
+        weight: (1, 1, H, W) weight of the history; None: 0.
+        history: AOVs after the previous frame, (1, k, H, W); None after a cut. Not changed.
+    """
+
+    frame: Frame
+    display: Size
+    weight: Float32 | None
+    history: Float32 | None
+
+
 class StepReport(NamedTuple):
     """Results of a step besides its image.
 

@@ -53,6 +53,11 @@ SS_INLINE F4 cubic4(const float* h, const WarpScratch& s, int i) {
     return top * s.weights[4][i] + upper * s.weights[5][i] + lower * s.weights[6][i] + bottom * s.weights[7][i];
 }
 
+SS_INLINE F4 clamped4(F4 v, F4 low, F4 high) {
+    v = v < low ? low : v;
+    return v > high ? high : v;
+}
+
 // Clamps four values to the smallest and the largest of the four pixels around.
 SS_INLINE F4 within_corners(F4 v, const F4 (&corners)[4]) {
     F4 low = corners[0], high = corners[0];
@@ -60,8 +65,7 @@ SS_INLINE F4 within_corners(F4 v, const F4 (&corners)[4]) {
         low = corners[k] < low ? corners[k] : low;
         high = corners[k] > high ? corners[k] : high;
     }
-    v = v < low ? low : v;
-    return v > high ? high : v;
+    return clamped4(v, low, high);
 }
 
 // Interpolates four values linearly between four places, by fractions to the right and down.

@@ -151,6 +151,17 @@ class IdData(ct.Structure):
     )
 
 
+class AovData(ct.Structure):
+    """`ss_aovs`."""
+
+    _fields_ = (
+        *((name, ct.c_int) for name in ("width", "height", "display_width", "display_height", "channels")),
+        *((name, ct.c_void_p) for name in ("aovs", "depth", "motion")),
+        ("jitter", ct.c_float * 2),
+        *((name, ct.c_void_p) for name in ("weight", "previous", "image")),
+    )
+
+
 class TemporalFrame(ct.Structure):
     """`ss_temporal_frame`."""
 
@@ -208,6 +219,7 @@ _FUNCTIONS: Mapping[str, tuple[Any, ...]] = {  # result, then arguments
     "ss_merge_images": (ct.c_int, *[ct.c_void_p] * 4, ct.c_int, ct.c_int, ct.c_float, _ERROR),
     "ss_scatter_motion": (ct.c_int, ct.POINTER(ScatterData), ct.c_void_p, ct.c_void_p, _ERROR),
     "ss_resample_ids": (ct.c_int, ct.c_void_p, ct.POINTER(IdData), ct.c_int, _ERROR),
+    "ss_blend_aovs": (ct.c_int, ct.c_void_p, ct.POINTER(AovData), ct.c_int, _ERROR),
     "ss_filter_temporal": (ct.c_int, ct.POINTER(TemporalData), _ERROR),
     "ss_nearest_motion": (ct.c_int, ct.c_void_p, ct.c_void_p, ct.c_int, ct.c_int, ct.c_void_p, _ERROR),
 }  # fmt: skip

@@ -1,15 +1,14 @@
 """Executors in ONNX Runtime: steps, extrapolation, and the blending of AOVs."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.backends.base import ForkSafeLock, StepReport, StepRequest
+from supersampler.backends.base import AovRequest, ForkSafeLock, StepReport, StepRequest
 from supersampler.backends.onnx import session as sessions
 from supersampler.backends.onnx.runtime import device_of, ort
 from supersampler.backends.onnx.tensors import check_tensor, render_size_of
@@ -175,41 +174,13 @@ class AovBlender:
         self._lock = ForkSafeLock()
         self._session: ort.InferenceSession | None = None
 
-    def blend(
-        self, frame: Frame, weight: Float32 | None, history: Float32 | None, display_size: Size
-    ) -> Float32:
-        """Upsample the channels to display size and blend them with their history.
-
-        The frame has passed `Model.check`. `weight` is the weight of the history, (1, 1, H, W), or None for a
-        method without one. History and result are (1, k, H, W) float32. Channels that are 0 or 1 in the whole
-        frame and history, such as the alpha of an opaque image, stay so and are not computed.
-        """
-        given = np.asarray(frame.aovs)
-        constant = dict(_constant_channels(given, history))
-        if not constant:
-            return self._blend(frame, weight, history, display_size)
-        image = np.empty((1, given.shape[2], *display_size[::-1]), np.float32)
-        for channel, value in constant.items():
-            image[0, channel] = value
-        if varying := [channel for channel in range(given.shape[2]) if channel not in constant]:
-            part, before = replace(frame, aovs=given[..., varying]), history
-            if history is not None:
-                before = np.ascontiguousarray(history[:, varying])
-            image[:, varying] = self._blend(part, weight, before, display_size)
-        return image
-
-    def _blend(
-        self, frame: Frame, weight: Float32 | None, history: Float32 | None, display_size: Size
-    ) -> Float32:
-        """Run the graph on all channels."""
-        inputs = sessions.frame_inputs(
-            frame, display_size, ("aovs", "depth", "motion", "jitter", "display_size")
-        )
-        shape = (1, inputs["aovs"].shape[1], *display_size[::-1])
-        if weight is None or history is None:
-            weight = np.zeros((1, 1, *shape[2:]), np.float32)
+    def blend(self, request: AovRequest) -> Float32:
+        """Return the AOVs at display size, blended with their history, (1, k, H, W)."""
+        frame, display, weight, history = request
+        inputs = sessions.frame_inputs(frame, display, ("aovs", "depth", "motion", "jitter", "display_size"))
+        shape = (1, inputs["aovs"].shape[1], *display[::-1])
         inputs |= {
-            "weight": weight,
+            "weight": np.zeros((1, 1, *shape[2:]), np.float32) if weight is None else weight,
             "history.aovs": np.zeros(shape, np.float32) if history is None else history,
         }
         session = self._loaded()
@@ -226,22 +197,3 @@ class AovBlender:
                     self._path, self._threads, ["CPUExecutionProvider"], inputs=_INPUTS, outputs=_OUTPUTS
                 )
             return self._session
-
-
-def _constant_channels(aovs: NDArray[Any], history: Float32 | None) -> Iterator[tuple[int, float]]:
-    """Yield the channels of a frame that are 0 or 1 everywhere, also in the history, with that value.
-
-    The graph gives exactly this value for them: it divides the sum of value times weight by that of the
-    weights, and then blends equal values.
-    """
-    for channel in range(aovs.shape[2]):
-        planes = [aovs[..., channel], *([] if history is None else [history[0, channel]])]
-        for value in (0.0, 1.0):
-            if all(_has_only(plane, value) for plane in planes):
-                yield channel, value
-
-
-def _has_only(plane: NDArray[Any], value: float) -> bool:
-    """Return whether all pixels have this value, bit for bit."""
-    bits = plane.view(f"u{plane.itemsize}")
-    return bool((bits == plane.dtype.type(value).view(bits.dtype)).all())

@@ -58,7 +58,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         let current = upsampled(part, vec2i(first), across, down);
         let kept = select(Value(1.0), Value(weight), current.weight > Value(MIN_CERTAINTY));
         let color = current.sum / max(current.weight, Value(1e-6));
-        let blend = color + kept * (aov_before(part, there) - color);
+        let blend = clamp(color + kept * (aov_before(part, there) - color), Value(-MAX_HALF), Value(MAX_HALF));
         next_aovs[value_index(part, p)] = blend;
         show_aov(p, blend);
     }
