@@ -912,6 +912,67 @@ static void ids_follow_surfaces_and_are_never_blended(void) {
     ss_model_destroy(model);
 }
 
+/* Constant channels stay constant, missing samples keep the history, and what moves takes it along. */
+static void aovs_are_blended_by_the_weight(void) {
+    enum { SIDE = 12, BIG = 2 * SIDE, CHANNELS = 5 };
+    static float aovs[SIDE][SIDE][CHANNELS], depth[SIDE][SIDE], motion[SIDE][SIDE][2], weight[BIG][BIG];
+    static float image[2][BIG][BIG][CHANNELS], alone[BIG][BIG][CHANNELS];
+    ss_error error;
+    ss_model *model = NULL, *single = NULL;
+    ss_options options;
+    memset(&options, 0, sizeof options);
+    options.threads = 3;
+    CHECK(ss_model_create("bilinear", &options, &model, &error) == SS_OK, "%s", error.message);
+    options.threads = 1;
+    CHECK(ss_model_create("bilinear", &options, &single, &error) == SS_OK, "%s", error.message);
+    ss_aovs v;
+    memset(&v, 0, sizeof v);
+    CHECK(ss_blend_aovs(model, &v, 1, &error) == SS_BAD_ARGUMENT && strstr(error.message, "0 x 0"), "%s",
+          error.message);
+    v.width = v.height = SIDE, v.display_width = v.display_height = BIG;
+    CHECK(ss_blend_aovs(model, &v, 1, &error) == SS_BAD_ARGUMENT && strstr(error.message, "channels is 0"), "%s",
+          error.message);
+    v.channels = CHANNELS;
+    CHECK(ss_blend_aovs(model, &v, 1, &error) == SS_BAD_ARGUMENT && strstr(error.message, "NULL"), "%s", error.message);
+    for (int y = 0; y < SIDE; y++)
+        for (int x = 0; x < SIDE; x++) {
+            for (int c = 0; c < CHANNELS; c++) aovs[y][x][c] = c == 4 ? 1e30f : (float)c;
+            depth[y][x] = 0.1f, motion[y][x][0] = -1.0f; /* by two display pixels to the right */
+        }
+    for (int y = 0; y < BIG; y++)
+        for (int x = 0; x < BIG; x++) weight[y][x] = x < 2 ? 0.0f : 1.0f;
+    v.aovs = &aovs[0][0][0], v.depth = &depth[0][0], v.motion = &motion[0][0][0], v.image = &image[0][0][0][0];
+    CHECK(ss_blend_aovs(NULL, &v, 1, &error) == SS_BAD_ARGUMENT, "NULL is a model");
+    CHECK(ss_blend_aovs(model, &v, 1, &error) == SS_OK, "%s", error.message);
+    for (int y = 0; y < SIDE; y++)
+        for (int x = 0; x < SIDE; x++) aovs[y][x][0] = NAN, aovs[y][x][1] = 9.0f;
+    image[0][8][6][0] = 7.0f; /* one pixel, which moves to (8, 8) */
+    v.previous = v.image, v.weight = &weight[0][0];
+    CHECK(ss_blend_aovs(model, &v, 1, &error) == SS_BAD_ARGUMENT && strstr(error.message, "previous"), "%s",
+          error.message);
+    v.image = &weight[0][0];
+    CHECK(ss_blend_aovs(model, &v, 1, &error) == SS_BAD_ARGUMENT && strstr(error.message, "another array"), "%s",
+          error.message);
+    v.image = &alone[0][0][0];
+    CHECK(ss_blend_aovs(single, &v, 1, &error) == SS_OK, "%s", error.message);
+    v.image = &image[1][0][0][0];
+    ss_aovs views[] = {v, v};
+    CHECK(ss_blend_aovs(model, views, 2, &error) == SS_BAD_ARGUMENT && strstr(error.message, "view 0: image"), "%s",
+          error.message);
+    CHECK(ss_blend_aovs(model, &v, 1, &error) == SS_OK, "%s", error.message);
+    CHECK(memcmp(alone, image[1], sizeof alone) == 0, "threads change AOVs");
+    for (int y = 0; y < BIG; y++)
+        for (int x = 2; x < BIG; x++) {
+            const float* got = image[1][y][x];
+            const float want[CHANNELS] = {y == 8 && x == 8 ? 7.0f : 0.0f, 1.0f, 2.0f, 3.0f, 65504.0f};
+            for (int c = 0; c < CHANNELS; c++)
+                CHECK(fabsf(got[c] - want[c]) <= 1e-6f * want[c], "%d %d %d: %g", x, y, c, (double)got[c]);
+        }
+    CHECK(image[1][3][0][1] == 9.0f, "%g", (double)image[1][3][0][1]);
+    ss_model_destroy(model);
+    ss_model_destroy(single);
+}
+
 int main(void) {
     states_are_saved_and_loaded();
     states_of_another_model_are_refused();
@@ -933,5 +994,6 @@ int main(void) {
     hostile_frames_do_no_harm();
     the_temporal_filter_averages_frames();
     ids_follow_surfaces_and_are_never_blended();
+    aovs_are_blended_by_the_weight();
     return failures ? 1 : 0;
 }
