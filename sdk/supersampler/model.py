@@ -359,10 +359,8 @@ class Model:
         if step.out is not None and step.out is not image:
             np.copyto(step.out, image)
             image = step.out
-        aovs = None
-        if "aovs" in outputs:
-            blended = next_history.aovs if self.executor != "gpu" else report.outputs["aovs"]
-            aovs = blended[0].transpose(1, 2, 0).copy()
+        blended = report.outputs.get("aovs") if self.executor == "gpu" else next_history.aovs
+        aovs = None if blended is None else blended[0].transpose(1, 2, 0).copy()
         ids = None
         if next_history.ids is not None and frame.ids is not None:
             ids = next_history.ids.ids.astype(frame.ids.dtype)

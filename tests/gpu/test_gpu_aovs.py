@@ -14,6 +14,7 @@ from supersampler import Frame
 from supersampler.backends.base import AovRequest
 from supersampler.backends.onnx.executor import AovBlender
 from supersampler.errors import DeviceError
+from supersampler.frame import Float32
 from supersampler.methods.model_file import read_upscaling_info
 
 SIZES: list[tuple[Size, Size]] = [
@@ -40,7 +41,8 @@ def test_blended_aovs_are_those_of_the_graph_with_the_same_weights(
 ) -> None:
     """Mean, 99.9 % quantile and largest difference, borders included."""
     ours, silent = (make(method, display=display) for _ in range(2))
-    graph, history, apart = blender(), None, []
+    graph, apart = blender(), []
+    history: Float32 | None = None
     for index in range(6):
         frame = noisy(index, render)
         result = ours.step(frame, outputs=("aovs", "weight"))
