@@ -1,5 +1,6 @@
 """A process keeps its settings, ends cleanly, and works without optional packages."""
 
+import os
 from pathlib import Path
 
 import pytest
@@ -17,18 +18,21 @@ def threads():
 
 
 @pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="needs /proc, to count memory maps")
-def test_models_made_and_dropped_leave_no_memory_maps_and_no_threads() -> None:
+@pytest.mark.parametrize(
+    ("executor", "count"), [("cpu", int(os.environ.get("SUPERSAMPLER_MODELS", "300"))), ("onnx", 20)]
+)
+def test_models_made_and_dropped_leave_no_memory_maps_and_no_threads(executor: str, count: int) -> None:
+    """Without the garbage collector, which programs of real time switch off."""
     run_apart(
         f"""{STEP}{MODELS}
-import gc, os, time
+import gc
+gc.disable()
 def make(count):
     for index in range(count):
-        upscaler(("taa", "classifier")[index % 2]).step(noise(0))
-    gc.collect()
-    time.sleep(0.2)
-make(20)
+        upscaler(("taa", "classifier")[index % 2], executor="{executor}").step(noise(0))
+make(4)
 before = maps(), threads()
-make(int(os.environ.get("SUPERSAMPLER_MODELS", "300")))
+make({count})
 after = maps(), threads()
 assert after[0] <= before[0] + 20 and after[1] <= before[1] + 4, (before, after)
 """,
