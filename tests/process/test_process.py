@@ -1,6 +1,7 @@
 """A process keeps its settings, ends cleanly, and works without optional packages."""
 
 import os
+import signal
 from pathlib import Path
 
 import pytest
@@ -56,6 +57,22 @@ for _ in range(3):
 begun.wait()
 time.sleep(0.05)
 """)
+
+
+@pytest.mark.skipif(not hasattr(signal, "sigwait"), reason="this system cannot block signals")
+def test_signals_that_a_program_blocks_wait_for_it() -> None:
+    """A worker thread that does not block them would take SIGTERM, which ends the process."""
+    run_apart(
+        f"""{STEP}
+import os, signal
+u = upscaler("taau")
+u.step(noise(0))
+signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGTERM])
+os.kill(os.getpid(), signal.SIGTERM)
+assert signal.sigwait([signal.SIGTERM]) == signal.SIGTERM
+""",
+        OPENBLAS_NUM_THREADS="1",
+    )
 
 
 def test_an_exit_raised_in_a_step_ends_the_process() -> None:
