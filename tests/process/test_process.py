@@ -59,6 +59,37 @@ time.sleep(0.05)
 """)
 
 
+def test_a_process_ends_while_threads_load_graphs() -> None:
+    run_apart("""
+import threading
+from supersampler import Model
+begun = threading.Barrier(3)
+def load():
+    Model.load("taa", executor="onnx")
+    begun.wait()
+    while True:
+        Model.load("taa", executor="onnx")
+for _ in range(2):
+    threading.Thread(target=load, daemon=True).start()
+begun.wait()
+""")
+
+
+@pytest.mark.parametrize("executor", ["cpu", "onnx"])
+def test_an_exit_handler_steps(executor: str) -> None:
+    """One that was registered before ONNX Runtime was imported runs after the wait for daemon threads."""
+    done = run_apart(
+        f"""
+import atexit
+atexit.register(lambda: print(u.step(noise(1)).shape)){STEP}
+u = upscaler("taau", executor="{executor}")
+u.step(noise(0))
+""",
+        seconds=60,
+    )
+    assert done.stdout.strip() == "(36, 64, 3)"
+
+
 @pytest.mark.skipif(not hasattr(signal, "sigwait"), reason="this system cannot block signals")
 def test_signals_that_a_program_blocks_wait_for_it() -> None:
     """A worker thread that does not block them would take SIGTERM, which ends the process."""

@@ -63,7 +63,9 @@ def open_session(
     if records_placement:
         options.add_session_config_entry("session.record_ep_graph_assignment_info", "1")
     try:
-        session = ort.InferenceSession(_content(path), options, providers=precise(providers))
+        content = _content(path)
+        with OnnxRun():
+            session = ort.InferenceSession(content, options, providers=precise(providers))
         if providers[0] not in session.get_providers():  # ONNX Runtime falls back if libraries are missing
             raise ProviderError(
                 f"{providers[0]} is installed but could not start; ONNX Runtime fell back to "
