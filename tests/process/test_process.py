@@ -61,17 +61,18 @@ time.sleep(0.05)
 
 def test_a_process_ends_while_threads_load_graphs() -> None:
     run_apart("""
-import threading
+import threading, time
 from supersampler import Model
-begun = threading.Barrier(3)
+begun = threading.Barrier(4)
 def load():
-    Model.load("taa", executor="onnx")
     begun.wait()
     while True:
-        Model.load("taa", executor="onnx")
-for _ in range(2):
+        Model.load("classifier", executor="onnx")
+for _ in range(3):
     threading.Thread(target=load, daemon=True).start()
+Model.load("taa", executor="onnx")
 begun.wait()
+time.sleep(0.1)
 """)
 
 
