@@ -10,8 +10,10 @@ has set the variable, to any value, nothing is changed.
 """
 
 import atexit
+import ctypes
 import os
 import time
+import weakref
 from _thread import get_ident
 from collections.abc import Sequence
 from functools import cache
@@ -54,7 +56,7 @@ if TYPE_CHECKING:
 else:
     ort = _OnUse()
 
-__all__ = ["CPU", "NAMES", "OnnxRun", "device_of", "ort", "precise", "resolve_providers"]
+__all__ = ["CPU", "NAMES", "OnnxRun", "device_of", "keep_in_forks", "ort", "precise", "resolve_providers"]
 
 _MAX_SECONDS = 30.0  # that the interpreter waits for runs
 _running: set[int] = set()  # threads in a run
@@ -88,8 +90,22 @@ def _wait_for_runs() -> None:
         time.sleep(0.002)
 
 
+_sessions: "weakref.WeakSet[ort.InferenceSession]" = weakref.WeakSet()
+
+
+def keep_in_forks(session: "ort.InferenceSession") -> None:
+    """Never free a session in forked children: ONNX Runtime waits for its threads, which a child lacks."""
+    _sessions.add(session)
+
+
+def _after_fork() -> None:
+    _running.clear()
+    for session in list(_sessions):
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(session))  # a list would be freed at the child's end
+
+
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_running.clear)
+    os.register_at_fork(after_in_child=_after_fork)
 
 
 NAMES = {
