@@ -85,7 +85,6 @@ class Model:
         providers: execution providers of ONNX Runtime in use, in order of preference; only the CPU's with the
             CPU and GPU backends.
         threads: number of CPU threads, as given; 0 uses every core.
-        on_extrapolated: the model that steps on extrapolated frames with the same histories; often this one.
     """
 
     def __init__(
@@ -97,7 +96,8 @@ class Model:
         self._aov_blender = AovBlender(info, threads)
         # ONNX Runtime's are plain tensors; others refer to their model, or are on its device
         self._kind = self.device if executor.name == "onnx" else executor, info.history
-        self.on_extrapolated = on_extrapolated or self
+        # or None: with a reference to itself, it would keep its memory until garbage is collected
+        self._on_extrapolated = on_extrapolated
 
     @classmethod
     def load(
@@ -147,6 +147,11 @@ class Model:
         """Refuse copying and pickling: a model has threads, and memory of its backend."""
         hint = "Threads may share it; another process loads its own: Model.load(...)."
         raise ArgumentError("model", got="to be copied or pickled", want="loaded", hint=hint)
+
+    @property
+    def on_extrapolated(self) -> "Model":
+        """The model that steps on extrapolated frames with the same histories; often this one."""
+        return self._on_extrapolated or self
 
     @property
     def executor(self) -> str:

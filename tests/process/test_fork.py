@@ -69,6 +69,23 @@ thread.join()
 """)
 
 
+@pytest.mark.parametrize("executor", ["cpu", "onnx"])
+def test_a_forked_child_ends(executor: str) -> None:
+    """It frees the model, whose threads it lacks."""
+    run_apart(f"""{STEP}
+import os, signal, sys, warnings
+warnings.simplefilter("ignore", DeprecationWarning)  # Python 3.12 warns of forks beside threads
+one = upscaler(executor="{executor}")
+one.step(noise(0))
+child = os.fork()
+if not child:
+    signal.alarm(60)  # a child that hangs ends by it
+    sys.exit(0)
+assert os.waitpid(child, 0)[1] == 0
+one.step(noise(1))
+""")
+
+
 def test_a_forked_child_does_not_keep_a_folder_locked(tmp_path: Path) -> None:
     """Otherwise the next command could not write to a folder while a worker of a killed one still runs."""
     run_apart(f"""

@@ -1,5 +1,7 @@
 """A process keeps its settings, ends cleanly, and works without optional packages."""
 
+import os
+import signal
 from pathlib import Path
 
 import pytest
@@ -17,18 +19,21 @@ def threads():
 
 
 @pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="needs /proc, to count memory maps")
-def test_models_made_and_dropped_leave_no_memory_maps_and_no_threads() -> None:
+@pytest.mark.parametrize(
+    ("executor", "count"), [("cpu", int(os.environ.get("SUPERSAMPLER_MODELS", "300"))), ("onnx", 20)]
+)
+def test_models_made_and_dropped_leave_no_memory_maps_and_no_threads(executor: str, count: int) -> None:
+    """Without the garbage collector, which programs of real time switch off."""
     run_apart(
         f"""{STEP}{MODELS}
-import gc, os, time
+import gc
+gc.disable()
 def make(count):
     for index in range(count):
-        upscaler(("taa", "classifier")[index % 2]).step(noise(0))
-    gc.collect()
-    time.sleep(0.2)
-make(20)
+        upscaler(("taa", "classifier")[index % 2], executor="{executor}").step(noise(0))
+make(4)
 before = maps(), threads()
-make(int(os.environ.get("SUPERSAMPLER_MODELS", "300")))
+make({count})
 after = maps(), threads()
 assert after[0] <= before[0] + 20 and after[1] <= before[1] + 4, (before, after)
 """,
@@ -52,6 +57,54 @@ for _ in range(3):
 begun.wait()
 time.sleep(0.05)
 """)
+
+
+def test_a_process_ends_while_threads_load_graphs() -> None:
+    run_apart("""
+import threading, time
+from supersampler import Model
+begun = threading.Barrier(4)
+def load():
+    begun.wait()
+    while True:
+        Model.load("classifier", executor="onnx")
+for _ in range(3):
+    threading.Thread(target=load, daemon=True).start()
+Model.load("taa", executor="onnx")
+begun.wait()
+time.sleep(0.1)
+""")
+
+
+@pytest.mark.parametrize("executor", ["cpu", "onnx"])
+def test_an_exit_handler_steps(executor: str) -> None:
+    """One that was registered before ONNX Runtime was imported runs after the wait for daemon threads."""
+    done = run_apart(
+        f"""
+import atexit
+atexit.register(lambda: print(u.step(noise(1)).shape)){STEP}
+u = upscaler("taau", executor="{executor}")
+u.step(noise(0))
+""",
+        seconds=60,
+    )
+    assert done.stdout.strip() == "(36, 64, 3)"
+
+
+@pytest.mark.skipif(not hasattr(signal, "sigwait"), reason="this system cannot block signals")
+def test_signals_that_a_program_blocks_wait_for_it() -> None:
+    """A worker thread that does not block them would take SIGTERM, which ends the process."""
+    run_apart(
+        f"""{STEP}
+import os, signal
+u = upscaler("taau")
+u.step(noise(0))
+signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGTERM])
+os.kill(os.getpid(), signal.SIGTERM)
+assert signal.sigwait([signal.SIGTERM]) == signal.SIGTERM
+""",
+        OPENBLAS_NUM_THREADS="1",
+    )
 
 
 def test_an_exit_raised_in_a_step_ends_the_process() -> None:

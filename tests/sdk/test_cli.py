@@ -413,6 +413,17 @@ def test_names_in_a_file_cannot_control_the_terminal(one_frame: Path) -> None:
     refusal("info", one_frame)
 
 
+def test_lines_are_printed_where_the_width_of_the_terminal_is_unknown(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("COLUMNS", "0")
+    terminal = Terminal()
+    with terminal.capture() as shown:
+        terminal.print("a line")
+        terminal.print("another", soft_wrap=True)
+    assert shown.get() == "a line\nanother\n"
+
+
 # --- option names: messages name only options that exist; one thing has one name ---
 
 
@@ -573,3 +584,43 @@ def test_a_demo_replaces_the_results_of_another_command_only_when_told(tmp_path:
     assert run("demo", "-o", tmp_path, "--method", "taa", "--overwrite").exit_code == 0
     record: Any = read_run_record(tmp_path)
     assert record.settings[SOURCE] == DEMO
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
+@pytest.mark.parametrize("words", [["--help"], ["--version"], ["info", "plaza"]])
+def test_a_full_disk_is_named_in_a_line(words: list[str]) -> None:
+    code = """
+import os
+os.dup2(os.open("/dev/full", os.O_WRONLY), 1)
+from supersampler.cli import main
+main()
+"""
+    done = python(code, *words)
+    assert (done.returncode, done.stderr) == (1, "error: [Errno 28] No space left on device\n")
+
+
+def test_a_signal_before_the_command_begins_stops_it_in_a_line() -> None:
+    code = """
+import os, signal
+import typer
+from supersampler.cli import main
+typer.main.get_command = lambda _: os.kill(os.getpid(), signal.SIGTERM)
+main()
+"""
+    done = python(code)
+    assert (done.returncode, done.stderr) == (143, "stopped\n")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="this system keeps the working directory of a process")
+def test_a_working_directory_that_is_gone_is_named(tmp_path: Path) -> None:
+    (gone := tmp_path / "gone").mkdir()
+    code = f"""
+import os
+os.chdir({str(gone)!r})
+os.rmdir({str(gone)!r})
+from supersampler.cli import main
+main()
+"""
+    done = python(code, "upscale", "plaza", "-o", "out")
+    line = "error: the working directory no longer exists. Change to another one.\n"
+    assert (done.returncode, done.stderr) == (1, line)

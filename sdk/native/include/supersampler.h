@@ -96,7 +96,8 @@ typedef enum ss_type {
     SS_UNORM8 = 2   /* 255 stands for 1. Outputs only: values are clamped to [0, 1], and rounded */
 } ss_type;
 
-/* The pixels of an image in memory of the caller. Strides are in bytes and may be negative; no two values overlap. */
+/* The pixels of an image in memory of the caller, at any address. Strides are in bytes and may be negative; no two values
+ * overlap. */
 typedef struct ss_image {
     void* data; /* first channel of the upper left pixel; NULL: no image */
     ss_type type;

@@ -2,6 +2,7 @@
 
 #if !defined(_WIN32) && !defined(__wasm__)
 #include <sched.h>
+#include <signal.h>
 #endif
 
 namespace ss {
@@ -212,7 +213,16 @@ void ThreadPool::start_threads() {
         __atomic_store_n(&process_, own, __ATOMIC_RELEASE);
     }
     Guard guard(lock_);
+    if (started_ == threads_ - 1) return;
+    // Signals are the program's: a thread of ours would run a handler, or end the process, while the program blocks them.
+    // Those of faults stay, for crash reporters.
+    sigset_t blocked, before;
+    sigfillset(&blocked);
+    constexpr int FAULTS[] = {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGTRAP, SIGABRT};
+    for (int fault : FAULTS) sigdelset(&blocked, fault);
+    pthread_sigmask(SIG_BLOCK, &blocked, &before);
     while (started_ < threads_ - 1 && pthread_create(&handles_[started_], nullptr, thread_main, this) == 0) started_++;
+    pthread_sigmask(SIG_SETMASK, &before, nullptr);
 }
 
 void* ThreadPool::thread_main(void* pool) {

@@ -17,9 +17,11 @@ struct View {
     ptrdiff_t row, pixel, channel;
 
     explicit operator bool() const { return data; }
+    // Whether each row is an array of T: packed, and at an address that is a multiple of its size.
     template <class T>
     bool is_packed(int channels) const {
-        return channel == sizeof(T) && pixel == static_cast<ptrdiff_t>(channels * sizeof(T));
+        return channel == sizeof(T) && pixel == static_cast<ptrdiff_t>(channels * sizeof(T)) &&
+               (reinterpret_cast<uintptr_t>(data) | static_cast<uintptr_t>(row)) % alignof(T) == 0;
     }
 };
 

@@ -280,6 +280,38 @@ static void views_of_any_strides_are_read(void) {
     ss_model_destroy(model);
 }
 
+/* An image may begin at any address, as in a file that is mapped: no float of it is then at a multiple of 4. */
+static void images_of_any_address_are_read_and_written(void) {
+    static Pixels p;
+    static uint8_t color[sizeof p.color + 1], depth[sizeof p.depth + 1], motion[sizeof p.motion + 1];
+    static uint8_t image[sizeof images[0] + 1], weight[2][DH * DW * sizeof(float) + 1];
+    for (int k = 0; k < (int)(sizeof methods / sizeof *methods); k++) {
+        ss_model* model = NULL;
+        ss_error error;
+        CHECK(ss_model_create(methods[k], NULL, &model, &error) == SS_OK, "%s", error.message);
+        for (int odd = 0; odd < 2; odd++) {
+            ss_upscaler* upscaler = NULL;
+            CHECK(ss_upscaler_create(model, DW, DH, &upscaler, &error) == SS_OK, "%s", error.message);
+            for (int index = 0; index < 3; index++) {
+                fill(&p, index);
+                ss_frame frame = frame_of(&p, index);
+                ss_outputs outputs = outputs_of(odd ? (void*)(image + 1) : images[0]);
+                outputs.weight.data = weight[odd] + odd;
+                if (odd) {
+                    frame.color.data = memcpy(color + 1, p.color, sizeof p.color);
+                    frame.depth.data = memcpy(depth + 1, p.depth, sizeof p.depth);
+                    frame.motion.data = memcpy(motion + 1, p.motion, sizeof p.motion);
+                }
+                CHECK(ss_step(upscaler, &frame, &outputs, &error) == SS_OK, "%s", error.message);
+            }
+            ss_upscaler_destroy(upscaler);
+        }
+        CHECK(memcmp(images[0], image + 1, sizeof images[0]) == 0, "%s", methods[k]);
+        CHECK(memcmp(weight[0], weight[1] + 1, sizeof weight[0] - 1) == 0, "%s: weight", methods[k]);
+        ss_model_destroy(model);
+    }
+}
+
 /* Bytes of an image upside down, with alpha, are those of floats. */
 static void images_of_any_strides_are_written(void) {
     static Pixels p;
@@ -983,6 +1015,7 @@ int main(void) {
     bands_share_buffers_without_a_trace();
     instructions_agree();
     views_of_any_strides_are_read();
+    images_of_any_address_are_read_and_written();
     images_of_any_strides_are_written();
     images_of_half_floats_saturate();
     extrapolated_motion_of_half_floats_has_its_sign();

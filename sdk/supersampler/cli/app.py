@@ -6,6 +6,7 @@ import signal
 import sys
 from contextlib import suppress
 from importlib import import_module
+from pathlib import Path
 from threading import Thread, main_thread
 from types import FrameType
 from typing import Annotated, Any
@@ -107,6 +108,14 @@ def main() -> None:
         typer.main.get_command(app)(prog_name="supersampler")
     except SystemExit as end:
         sys.exit(128 + _received[-1] if end.code == _INTERRUPTED else end.code)
+    except KeyboardInterrupt:  # before a command was invoked
+        echo("stopped", err=True)
+        sys.exit(128 + _received[-1])
+    except OSError as error:  # the text of --help or --version cannot be printed
+        if "--debug" in sys.argv:
+            raise
+        echo(f"error: {_line(error)}", err=True)
+        sys.exit(1)
 
 
 def stop_on_signals() -> None:
@@ -125,6 +134,8 @@ def _line(error: Exception) -> str | None:
     match error:
         case SupersamplerError():
             return str(error)
+        case FileNotFoundError(filename=None) if _is_working_directory_gone():
+            return "the working directory no longer exists. Change to another one."
         case OSError():
             return f"{error.filename}: {error.strerror}" if error.filename else str(error)
         case UnicodeDecodeError():
@@ -136,6 +147,14 @@ def _line(error: Exception) -> str | None:
         return None
     install = f'pip install "supersampler[{EXTRAS[package]}]"'
     return f"this command needs {package}, which is not installed. Install it: {install}"
+
+
+def _is_working_directory_gone() -> bool:
+    try:
+        Path.cwd()
+    except FileNotFoundError:
+        return True
+    return False
 
 
 def _with_option(line: str, argument: str, command: Any) -> str:

@@ -30,6 +30,8 @@ class Terminal(Console):
 
     def __init__(self, *, stderr: bool = False) -> None:
         super().__init__(stderr=stderr, highlight=False, markup=False, emoji=False)
+        if not self.width:  # COLUMNS=0, as of a terminal whose size is unknown: every line would be empty
+            self.width = 80
 
     def render(self, *arguments: Any, **options: Any) -> Iterator[Segment]:
         """Yield the segments of text or of a table, without unprintable characters."""

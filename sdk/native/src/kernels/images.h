@@ -66,7 +66,7 @@ SS_INLINE void write_rgb(const View& image, int y, int x, int end, F3 color) {
 
 SS_INLINE void write_plane(const View& image, int y, int x, int end, F value) {
     char* row = const_cast<char*>(image.data) + y * image.row;
-    if (x + W <= end && image.type == SS_FLOAT32 && image.pixel == 4)
+    if (x + W <= end && image.type == SS_FLOAT32 && image.is_packed<float>(1))
         return store(reinterpret_cast<float*>(row) + x, value);
     float values[W];
     store(values, value);

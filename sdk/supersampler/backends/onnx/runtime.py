@@ -10,8 +10,10 @@ has set the variable, to any value, nothing is changed.
 """
 
 import atexit
+import ctypes
 import os
 import time
+import weakref
 from _thread import get_ident
 from collections.abc import Sequence
 from functools import cache
@@ -54,23 +56,24 @@ if TYPE_CHECKING:
 else:
     ort = _OnUse()
 
-__all__ = ["CPU", "NAMES", "OnnxRun", "device_of", "ort", "precise", "resolve_providers"]
+__all__ = ["CPU", "NAMES", "OnnxRun", "device_of", "keep_in_forks", "ort", "precise", "resolve_providers"]
 
 _MAX_SECONDS = 30.0  # that the interpreter waits for runs
 _running: set[int] = set()  # threads in a run
-_ended = Event()
+_ending: list[int] = []
+"""The thread that ends the interpreter, once it does."""
 
 
 class OnnxRun:
-    """Context of a run: `with OnnxRun(): session.run(...)`. No run starts once the interpreter ends.
+    """Context of a run, or of loading a graph: `with OnnxRun(): session.run(...)`.
 
-    The interpreter waits at its end for runs in daemon threads: unloading ONNX Runtime during a run aborts
-    the process.
+    The interpreter waits at its end for those in daemon threads, and no more start in these: the end of a
+    thread in ONNX Runtime, or unloading it, aborts the process. Other exit handlers may still run graphs.
     """
 
     def __enter__(self) -> None:
         _running.add(get_ident())
-        if _ended.is_set():
+        if _ending and _ending[0] != get_ident():
             _running.discard(get_ident())
             Event().wait()  # forever, as this is a daemon thread of a process that ends
 
@@ -81,14 +84,28 @@ class OnnxRun:
 
 
 def _wait_for_runs() -> None:
-    _ended.set()
+    _ending.append(get_ident())
     latest = time.monotonic() + _MAX_SECONDS
     while _running - {get_ident()} and time.monotonic() < latest:
         time.sleep(0.002)
 
 
+_sessions: "weakref.WeakSet[ort.InferenceSession]" = weakref.WeakSet()
+
+
+def keep_in_forks(session: "ort.InferenceSession") -> None:
+    """Never free a session in forked children: ONNX Runtime waits for its threads, which a child lacks."""
+    _sessions.add(session)
+
+
+def _after_fork() -> None:
+    _running.clear()
+    for session in list(_sessions):
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(session))  # a list would be freed at the child's end
+
+
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_running.clear)
+    os.register_at_fork(after_in_child=_after_fork)
 
 
 NAMES = {

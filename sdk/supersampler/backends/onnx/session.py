@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from supersampler.backends.onnx.graph_file import refusal_of
-from supersampler.backends.onnx.runtime import CPU, OnnxRun, ort, precise
+from supersampler.backends.onnx.runtime import CPU, OnnxRun, keep_in_forks, ort, precise
 from supersampler.errors import ModelError, ProviderError
 from supersampler.frame import Float32, Frame, Size
 from supersampler.io.display import usable_exposure
@@ -63,7 +63,10 @@ def open_session(
     if records_placement:
         options.add_session_config_entry("session.record_ep_graph_assignment_info", "1")
     try:
-        session = ort.InferenceSession(_content(path), options, providers=precise(providers))
+        content = _content(path)
+        with OnnxRun():
+            session = ort.InferenceSession(content, options, providers=precise(providers))
+        keep_in_forks(session)
         if providers[0] not in session.get_providers():  # ONNX Runtime falls back if libraries are missing
             raise ProviderError(
                 f"{providers[0]} is installed but could not start; ONNX Runtime fell back to "
