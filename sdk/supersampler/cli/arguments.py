@@ -53,15 +53,19 @@ ImageFormat = StrEnum("ImageFormat", ["exr", "png", "tif"])
 Format = StrEnum("Format", ["exr", "png", "tif", "mp4"])
 
 
-def _output_folder(text: str) -> Path:
-    if not text:  # an unset shell variable; the path would be the current folder
+def folder_path(text: str) -> Path:
+    """Return the path of a folder to write; BadParameter for an empty text, as of an unset shell variable.
+
+    `Path("")` would be the current folder.
+    """
+    if not text:
         raise typer.BadParameter("'' is no folder.")
     return Path(text)
 
 
 OutputOption = Annotated[
     Path,
-    typer.Option("-o", "--output", metavar="FOLDER", parser=_output_folder, help="Folder to write."),
+    typer.Option("-o", "--output", metavar="FOLDER", parser=folder_path, help="Folder to write."),
 ]
 FramesOption = Annotated[
     str | None,
