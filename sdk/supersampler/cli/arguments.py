@@ -294,7 +294,7 @@ def _json_object(text: str, option: str) -> dict[str, Any]:
         kind = dict[str, Any]
         return decoded(Path("JSON"), text, kind) if is_text else read_typed(Path(text), kind)
     except ShotError as error:
-        got = f"not JSON ({error.problem})" if is_text else f"{text} ({error.problem})"
+        got = error.problem.removeprefix("is ") if is_text else f"{text} ({error.problem})"
         raise ArgumentError(option, got=got, want='an object, {"name": value, ...}') from error
 
 
