@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 
 import typer
 
+from supersampler.cli.arguments import folder_path
 from supersampler.cli.terminal import Terminal
 from supersampler.errors import ArgumentError
 from supersampler.methods.executors import with_shaders
@@ -30,7 +31,16 @@ def export(
             "model that ships, or a model folder."
         ),
     ],
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write; with `all`, its parent.")],
+    output: Annotated[
+        Path,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="FOLDER",
+            parser=folder_path,
+            help="Folder to write; with `all`, its parent.",
+        ),
+    ],
     weights: Annotated[
         Path | None,
         typer.Option(

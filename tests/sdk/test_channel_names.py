@@ -61,6 +61,7 @@ def test_unknown_channel_names_have_no_meaning(name: str) -> None:
     ("extra", "message"),
     [
         (["beauty.R", "beauty.G", "beauty.B"], r"several channels for color: R, G, B and beauty\.R"),
+        (["r", "g", "b"], r"several channels for color: R, G, B and r, g, b"),
         (["depth.Z"], r"several channels for depth: Z and depth\.Z\. Choose in a channels"),
         (["backward.u", "backward.v"], r"several channels for motion: backward\.u, backward\.v and motion"),
     ],
@@ -68,6 +69,14 @@ def test_unknown_channel_names_have_no_meaning(name: str) -> None:
 def test_two_candidates_are_an_error_with_both_names(tmp_path: Path, extra: list[str], message: str) -> None:
     with pytest.raises(ShotError, match=message):
         opened(tmp_path, *COLOR, *DEPTH, *MOTION, *extra)
+
+
+@pytest.mark.parametrize("other", ["r", "g", "b", "motion.y", "MOTION.Y", "Motion.x"])
+def test_a_name_that_differs_only_in_its_case_is_another_channel(other: str) -> None:
+    usual = {"color": COLOR, "depth": DEPTH, "motion": MOTION}
+    channels = [name for group in usual.values() for name in group]
+    assert recognised_map(Path("f.exr"), [other, *channels]) == usual
+    assert recognised_map(Path("f.exr"), [*channels, other]) == usual
 
 
 def test_forward_vectors_beside_backward_ones_lead_to_the_next_frame(tmp_path: Path) -> None:

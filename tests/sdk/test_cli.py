@@ -187,7 +187,6 @@ def test_bad_arguments_are_one_line(
             (*UPSCALE, "--preset", "fst"),
             "'--preset': 'fst' is not one of 'fast', 'balanced', 'high'. Did you mean",
         ),
-        ((*UPSCALE[:2], "-o", ""), "'-o' / '--output': '' is no folder."),  # an unset variable of a shell
     ],
 )
 def test_a_value_that_no_option_takes_is_named_with_the_nearest_one(
@@ -196,6 +195,31 @@ def test_a_value_that_no_option_takes_is_named_with_the_nearest_one(
     done = run(*words)
     assert done.exit_code == 2
     assert f"Error: Invalid value for {hint}" in done.stderr
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        (*UPSCALE[:2], "-o", ""),
+        (*UPSCALE, "--scratch", ""),
+        (*UPSCALE, "--record", ""),
+        ("demo", "-o", ""),
+        ("demo", "--web", "--write", ""),
+        ("replay", "x", "-o", ""),
+        ("render", ""),
+        ("train", "taau", "-o", ""),
+        ("export", "taau", "-o", ""),
+        ("bench", "pareto", "-o", ""),
+        ("bench", "shots", ""),
+    ],
+)
+def test_an_unset_variable_of_a_shell_is_no_folder_to_write(
+    words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = run(*words)
+    assert (done.exit_code, "'' is no folder" in done.stderr) == (2, True), done.stderr
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_debug_and_bugs_keep_their_traceback(monkeypatch: pytest.MonkeyPatch) -> None:

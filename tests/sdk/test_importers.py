@@ -170,6 +170,10 @@ def test_a_wrong_map_in_the_folder_is_named(tmp_path: Path, change: dict[str, An
     [
         ({"colour": "R"}, "a map with 'colour'; want one of color, depth.* Did you mean 'color'?"),
         ({"color": ["c/*.jpg:R"] * 3}, r"\['color'\] is 'c/\*\.jpg:R'; want EXR, PNG or TIFF files"),
+        (
+            {"channels": MAP},
+            "a map with 'channels'.* Pass this object alone. A whole channels.json is read from",
+        ),
         ({"aovs": ["R"] * 1025}, "want 1024 channel names"),
         ({"motion": "X"}, r"channel_map\['motion'\] is 'X'; want 2 channel names"),
         ({"motion": ["X", "motion/*.exr:Y"]}, r"is files of \*\.exr and motion/\*\.exr; want channels of"),

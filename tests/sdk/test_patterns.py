@@ -75,13 +75,26 @@ def test_a_pattern_opens_frames_with_a_channels_json(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("pattern", "places"),
     [
-        ("a.####.exr", [0, 1, 2]), ("a.%05d.exr", [2]), ("a.%d.exr", [0, 1, 2]), ("a.#.exr", [0, 1, 2]),
+        ("a.####.exr", [0, 1, 2]), ("a.%04d.exr", [0, 1, 2]), ("a.%d.exr", [0, 1, 2]), ("a.#.exr", [0, 1, 2]),
         ("?.*.exr", [0, 1, 2]),
     ],
 )  # fmt: skip
 def test_a_field_takes_its_digits_or_more(tmp_path: Path, pattern: str, places: list[int]) -> None:
     write_frames(tmp_path, "a.9998.exr", "a.9999.exr", "a.10000.exr")
     assert opened(tmp_path / pattern) == places
+
+
+@pytest.mark.parametrize("pattern", ["a.####.exr", "a.%04d.exr"])
+def test_a_field_of_more_digits_than_earlier_frames_have_is_refused(tmp_path: Path, pattern: str) -> None:
+    write_frames(tmp_path, "a.998.exr", "a.999.exr", "a.1000.exr", "a.1001.exr")
+    message = (
+        r"has a\.999\.exr, too, whose number has fewer digits than a\..* Take any number of digits: a\.#"
+    )
+    with pytest.raises(ShotError, match=message):
+        opened(tmp_path / pattern)
+    assert opened(tmp_path / "a.#.exr") == [0, 1, 2, 3]
+    (tmp_path / "a.999.exr").unlink()
+    assert opened(tmp_path / pattern) == [2, 3]
 
 
 @pytest.mark.parametrize(

@@ -67,8 +67,14 @@ def test_a_gap_is_named_only_inside_the_range(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("ranges", "missing"), [("20-24", "24"), ("90-95", "90"), ("30", "30")])
 def test_a_frame_that_is_missing_is_named(shot: Path, tmp_path: Path, ranges: str, missing: str) -> None:
     message = refusal("upscale", shot, "-o", tmp_path / "out", "--frames", ranges)
-    assert f"has no frame {missing}. It has frames 0 to 23" in message
+    assert f"has no frame {missing}. It ends with frame 23." in message
     assert not (tmp_path / "out").exists()
+
+
+def test_a_frame_before_the_first_is_named_with_the_first(tmp_path: Path) -> None:
+    renders = write_renders(tmp_path / "in", {n: f"f.{n}" for n in range(1001, 1006)})
+    message = refusal("upscale", renders, "-o", tmp_path / "out", "--frames", "1000-1002", *OURS)
+    assert "has no frame 1000. It begins with frame 1001." in message
 
 
 @pytest.mark.parametrize("command", ["upscale", "denoise"])

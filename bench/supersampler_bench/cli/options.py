@@ -10,7 +10,7 @@ import typer
 
 from supersampler.arguments import ExecutorName
 from supersampler.cli import terminal
-from supersampler.cli.arguments import parse_size
+from supersampler.cli.arguments import folder_path, parse_size
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 from supersampler.io.files import check_ours
@@ -45,7 +45,15 @@ JSON = Annotated[
     Path | None, typer.Option(help="Write all values and their setting here.", callback=_checked_json)
 ]
 FIGURES = Annotated[
-    Path | None, typer.Option("-o", "--output", help="Folder for figures.", callback=_checked_figures)
+    Path | None,
+    typer.Option(
+        "-o",
+        "--output",
+        metavar="FOLDER",
+        parser=folder_path,
+        help="Folder for figures.",
+        callback=_checked_figures,
+    ),
 ]
 METHODS = Annotated[str, typer.Option(help="Shipped models or model folders, comma-separated.")]
 DISPLAY_SIZE = Annotated[str, typer.Option(help="Size of the images, as 960x540.")]
@@ -70,6 +78,8 @@ RATIO = Annotated[
 RATIOS = Annotated[str, typer.Option(help="Display over render size, comma-separated.")]
 _CACHE_SOURCE: Any = {
     "envvar": public_shots.CACHE_VARIABLE,
+    "metavar": "FOLDER",
+    "parser": folder_path,
     "help": "Folder of the test shots.",
     "show_default": "the user's cache folder",
 }

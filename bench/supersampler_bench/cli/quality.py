@@ -8,7 +8,7 @@ import typer
 from rich.table import Table
 
 from supersampler import ArgumentError
-from supersampler.cli.arguments import ConventionsOption, SourceOptions, open_with, parse_size
+from supersampler.cli.arguments import ConventionsOption, SourceOptions, folder_path, open_with, parse_size
 from supersampler.cli.terminal import Terminal, echo
 from supersampler_bench.cli import options
 from supersampler_bench.record import read_record, write_json
@@ -313,7 +313,12 @@ def shots(
 
 def product_shot(
     output: Annotated[
-        Path, typer.Argument(help="Folder to write; it ships as sdk/supersampler/shots/plaza.")
+        Path,
+        typer.Argument(
+            metavar="OUTPUT",
+            parser=folder_path,
+            help="Folder to write; it ships as sdk/supersampler/shots/plaza.",
+        ),
     ],
 ) -> None:
     """Render the shot that ships with the package."""

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from supersampler.cli.arguments import parse_size, size_text
+from supersampler.cli.arguments import folder_path, parse_size, size_text
 from supersampler.cli.terminal import Terminal, counted
 from supersampler.errors import ArgumentError
 from supersampler_model.data.sequences import APART_FAMILIES, TEST_FAMILIES, TRAIN_FAMILIES
@@ -19,7 +19,7 @@ _FAMILIES = (*TRAIN_FAMILIES, *TEST_FAMILIES, *APART_FAMILIES)
 
 @app.command()
 def render(
-    output: Annotated[Path, typer.Argument(help="Folder of the set.")],
+    output: Annotated[Path, typer.Argument(metavar="OUTPUT", parser=folder_path, help="Folder of the set.")],
     families: Annotated[
         str, typer.Option("--scenes", help=f"`train`, `test`, or some of {', '.join(_FAMILIES)}.")
     ] = "train",

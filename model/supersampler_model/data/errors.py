@@ -1,8 +1,7 @@
 """Errors of `supersampler_model.data`, and the check of a number."""
 
+import math
 from pathlib import Path
-
-import numpy as np
 
 from supersampler.errors import ArgumentError, SupersamplerError
 
@@ -34,7 +33,7 @@ class DatasetError(DataError, OSError):
 def check_number(name: str, value: float, low: float, high: float, *, open_below: bool = False) -> None:
     """Raise a SceneError unless `value` is finite and in [low, high], or in (low, high] if `open_below`."""
     inside = low < value <= high if open_below else low <= value <= high  # NaN fails both
-    if not inside or not np.isfinite(value):
-        upper = f" and <= {high:g}" if np.isfinite(high) else ""
+    if not inside or abs(value) == math.inf:
+        upper = "" if high == math.inf else f" and <= {high:g}"
         want = f"a finite number {'>' if open_below else '>='} {low:g}{upper}"
         raise SceneError(name, got=value, want=want)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from supersampler.io.files import SHOT_FRAMES
 from supersampler_model.data.errors import SceneError, check_number
 from supersampler_model.data.scenes.procedural.stage import Stage
 from supersampler_model.data.scenes.scene import Camera, Scene
@@ -22,7 +23,7 @@ class SequenceSpec:
 
     family: str  # one of TRAIN_FAMILIES, TEST_FAMILIES or APART_FAMILIES; GLTF; SHOT
     seed: int  # >= 0, of layout, textures, colours, lights, camera, speeds, cuts and exposure
-    frames: int  # number of frames, >= 1
+    frames: int  # number of frames, 1 to SHOT_FRAMES
     frame_rate: float = 30.0  # frames a second, > 0
     folder: str | None = None  # folder of the files of a GLTF sequence, else None
     files: tuple[tuple[str, str], ...] = ()
@@ -33,7 +34,7 @@ class SequenceSpec:
         if not re.fullmatch(r"\w+", self.family):  # it names a folder
             raise SceneError("spec.family", got=repr(self.family), want="letters, digits and underscores")
         check_number("spec.seed", self.seed, 0, np.inf)
-        check_number("spec.frames", self.frames, 1, np.inf)
+        check_number("spec.frames", self.frames, 1, SHOT_FRAMES)
         check_number("spec.frame_rate", self.frame_rate, 0.0, np.inf, open_below=True)
         needs, has = self.family == GLTF, self.folder is not None and len(self.files) > 0
         if needs != has or (self.files and self.family not in (GLTF, SHOT)):

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
+from supersampler.cli.arguments import folder_path
 from supersampler.cli.terminal import Terminal, counted
 from supersampler.errors import ArgumentError, did_you_mean
 from supersampler.io.files import FolderLock, check_ours, remove_partial_files
@@ -33,7 +34,10 @@ WEIGHTS = "weights.safetensors"  # in the folder of a run
 def train(  # noqa: PLR0913  # options of a command
     context: typer.Context,
     name: Annotated[str, typer.Argument(metavar="METHOD", help=f"{listed_methods(_LEARNED.values())}.")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the run.")],
+    output: Annotated[
+        Path,
+        typer.Option("-o", "--output", metavar="FOLDER", parser=folder_path, help="Folder of the run."),
+    ],
     data: Annotated[list[Path] | None, typer.Option(help="Training set; may be repeated.")] = None,
     shot: Annotated[list[Path] | None, typer.Option(help="Shot with references; may be repeated.")] = None,
     validation_shot: Annotated[

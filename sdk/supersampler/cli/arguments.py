@@ -53,15 +53,19 @@ ImageFormat = StrEnum("ImageFormat", ["exr", "png", "tif"])
 Format = StrEnum("Format", ["exr", "png", "tif", "mp4"])
 
 
-def _output_folder(text: str) -> Path:
-    if not text:  # an unset shell variable; the path would be the current folder
+def folder_path(text: str) -> Path:
+    """Return the path of a folder to write; BadParameter for an empty text, as of an unset shell variable.
+
+    `Path("")` would be the current folder.
+    """
+    if not text:
         raise typer.BadParameter("'' is no folder.")
     return Path(text)
 
 
 OutputOption = Annotated[
     Path,
-    typer.Option("-o", "--output", metavar="FOLDER", parser=_output_folder, help="Folder to write."),
+    typer.Option("-o", "--output", metavar="FOLDER", parser=folder_path, help="Folder to write."),
 ]
 FramesOption = Annotated[
     str | None,
@@ -290,7 +294,7 @@ def _json_object(text: str, option: str) -> dict[str, Any]:
         kind = dict[str, Any]
         return decoded(Path("JSON"), text, kind) if is_text else read_typed(Path(text), kind)
     except ShotError as error:
-        got = f"not JSON ({error.problem})" if is_text else f"{text} ({error.problem})"
+        got = error.problem.removeprefix("is ") if is_text else f"{text} ({error.problem})"
         raise ArgumentError(option, got=got, want='an object, {"name": value, ...}') from error
 
 

@@ -7,11 +7,12 @@ from typing import Annotated
 
 import typer
 
+from supersampler.cli.arguments import OutputOption, folder_path
 from supersampler.cli.terminal import echo
 
 
 def demo(
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write.")] = Path("out"),
+    output: OutputOption = Path("out"),
     method: Annotated[str, typer.Option(help="A shipped model: see `supersampler info`.")] = "classifier",
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Also replace the results of another command.")
@@ -25,7 +26,11 @@ def demo(
     ] = None,
     write: Annotated[
         Path | None,
-        typer.Option(help="With --web: write the page to this new folder, for a file host; do not serve it."),
+        typer.Option(
+            metavar="FOLDER",
+            parser=folder_path,
+            help="With --web: write the page to this new folder, for a file host; do not serve it.",
+        ),
     ] = None,
     node_modules: Annotated[
         Path | None,

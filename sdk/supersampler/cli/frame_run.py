@@ -174,8 +174,9 @@ class FrameRun:
             return FramePlan(own, own.first, 0, len(shot), len(shot))
         for number in (numbers.first, numbers.last):
             if number not in own:
-                problem = f"has no frame {number}"
-                raise ShotError(shot.path, problem, f"It has frames {own.first} to {own.last}.")
+                is_early = number < own.first  # `own` may lack frames that were not asked for
+                ends = f"begins with frame {own.first}" if is_early else f"ends with frame {own.last}"
+                raise ShotError(shot.path, f"has no frame {number}", f"It {ends}.")
         index, stop = numbers.first - own.first, numbers.last - own.first + 1
         cut = shot.last_cut(index)
         start = max(cut, index - preroll)

@@ -9,7 +9,7 @@ import msgspec
 import typer
 
 from supersampler.arguments import ExecutorName, Precision
-from supersampler.cli.arguments import ImageFormat, parse_providers, size_text
+from supersampler.cli.arguments import ImageFormat, folder_path, parse_providers, size_text
 from supersampler.cli.terminal import Terminal, echo, frame_warnings
 from supersampler.errors import ShotError
 
@@ -21,7 +21,10 @@ if TYPE_CHECKING:
 def replay(
     recording: Annotated[Path, typer.Argument(metavar="FOLDER", help="A recording.")],
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="New folder to write the images to.")
+        Path | None,
+        typer.Option(
+            "-o", "--output", metavar="FOLDER", parser=folder_path, help="New folder to write the images to."
+        ),
     ] = None,
     format: Annotated[  # noqa: A002  # the option's name
         list[ImageFormat] | None, typer.Option(help="See `supersampler upscale`.", show_default="exr")

@@ -93,6 +93,7 @@ def upscale(
         Path | None,
         typer.Option(
             metavar="FOLDER",
+            parser=arguments.folder_path,
             help="With --passes 2: folder for frames that wait for the second pass; its files are removed.",
             show_default="the system's temporary folder",
         ),
@@ -112,7 +113,12 @@ def upscale(
         ),
     ] = "warn",
     record: Annotated[
-        Path | None, typer.Option(metavar="FOLDER", help="Record all frames, for `supersampler replay`.")
+        Path | None,
+        typer.Option(
+            metavar="FOLDER",
+            parser=arguments.folder_path,
+            help="Record all frames, for `supersampler replay`.",
+        ),
     ] = None,
     overwrite: arguments.OverwriteOption = False,
     json: arguments.JsonOption = False,

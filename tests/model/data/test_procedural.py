@@ -177,6 +177,8 @@ def test_some_exposures_change_and_some_are_left_to_be_measured() -> None:
         ({"family": "moon"}, r"spec\.family is 'moon'; want one of fences, "),
         ({"seed": -1}, r"spec\.seed is -1; want"),
         ({"frames": 0}, r"spec\.frames is 0; want"),
+        ({"frames": 10**20}, r"spec\.frames is 1000.*; want a finite number >= 1 and <= 1\.04858e\+06"),
+        ({"frame_rate": float("inf")}, r"spec\.frame_rate is inf; want a finite number > 0\."),
         ({"frame_rate": 0.0}, r"spec\.frame_rate is 0\.0; want"),
     ],
 )

@@ -128,6 +128,9 @@ def test_a_broken_file_is_named_before_anything_is_written(files: Path, tmp_path
     [
         (("--scenes", "floors, wires"), "error: --scenes is 'wires'; want some of fences, "),
         (("--samples", str(1 << 40)), "error: --samples is 1099511627776; want a square number"),
+        (("--frames", "0"), "error: --frames is 0; want 1 to 1048576."),
+        (("--frames", str(10**20)), f"error: --frames is {10**20}; want 1 to"),
+        (("--sequences", str(10**20)), f"error: --sequences is {10**20}; want 1 to"),
         (("--ratio", "0.5"), "error: --ratio is [0.5]; want some from 1.0 to "),
         (("--gltf", "nowhere"), "error: --gltf is nowhere, which is not a folder; want a folder"),
         (("--gltf-fraction", "0.5"), "error: --gltf-fraction is 0.5; want none without --gltf"),

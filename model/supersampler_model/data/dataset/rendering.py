@@ -11,7 +11,7 @@ import numpy as np
 from supersampler import halton_jitter
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
-from supersampler.io.files import FolderLock, remove_partial_files
+from supersampler.io.files import SHOT_FRAMES, FolderLock, remove_partial_files
 from supersampler_model.data.dataset import storage
 from supersampler_model.data.dataset.storage import Dataset, Description, SequenceEntry, Split, open_dataset
 from supersampler_model.data.errors import DatasetError
@@ -53,8 +53,8 @@ class RenderPlan:
             if family not in known:
                 raise ArgumentError("families", got=repr(family), want=f"some of {', '.join(known)}")
         for name in ("sequences", "frames"):
-            if getattr(self, name) < 1:
-                raise ArgumentError(name, got=getattr(self, name), want="at least 1")
+            if not 1 <= getattr(self, name) <= SHOT_FRAMES:
+                raise ArgumentError(name, got=getattr(self, name), want=f"1 to {SHOT_FRAMES}")
         samples_side(self.samples)
         if not self.families:
             raise ArgumentError("families", got="none", want=f"some of {', '.join(known)}")

@@ -508,6 +508,10 @@ def _parsed(channel_map: ChannelMap, files: str) -> dict[str, _Source]:
         if name not in _COUNTS and name != "aovs":
             known = (*_COUNTS, "aovs")
             want, hint = f"one of {', '.join(known)}", did_you_mean(name, known)
+            if name == "channels":  # as in the file
+                hint = (
+                    f"Pass this object alone. A whole {MAP_FILE_NAME} is read from the folder of the frames."
+                )
             raise ArgumentError("channel_map", got=f"a map with {name!r}", want=want, hint=hint)
         texts, packing = _channels(name, value)
         sources[name] = _source(name, texts, files, packing)

@@ -134,10 +134,13 @@ def _joined(name: str) -> str:
 
 
 def _candidates(ours: str, channels: Sequence[str]) -> list[list[str]]:
-    """Return the groups of channels that have the names of one of our arrays."""
+    """Return the groups of channels that have the names of one of our arrays.
+
+    Names in one case, as R, G and B, are a group whatever else differs from them only in its case.
+    """
     bases, endings = _NAMES[ours]
     by_lower = {name.lower(): name for name in channels}
-    groups = []
+    groups, of_mixed_case = [], []
     for name in channels:
         *before, last = name.lower().split(".")
         base = _joined(before[-1]) if before else ""
@@ -145,11 +148,17 @@ def _candidates(ours: str, channels: Sequence[str]) -> list[list[str]]:
         is_alone = is_known and (not before or len(last) > 1)  # N.Z: of a normal
         if ours in _ALONE and is_alone:
             groups.append([name])
+        layer, own = name[: len(name) - len(last)], name[len(name) - len(last) :]
         for ending in endings:
-            group = [".".join([*before, part]) for part in ending]
-            if base in bases and last == ending[0] and all(member in by_lower for member in group):
-                groups.append([by_lower[member] for member in group])
-    return groups
+            if base not in bases or last != ending[0]:
+                continue
+            group = [layer + (part.upper() if own.isupper() else part) for part in ending]
+            if all(member in channels for member in group):
+                groups.append(group)
+            elif all(member.lower() in by_lower for member in group):
+                of_mixed_case.append([by_lower[member.lower()] for member in group])
+    known = [[member.lower() for member in group] for group in groups]
+    return groups + [g for g in of_mixed_case if [member.lower() for member in g] not in known]
 
 
 def _parts_of_color(channels: Iterable[str]) -> list[str]:

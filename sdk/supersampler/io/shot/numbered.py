@@ -56,7 +56,8 @@ def numbered_files(folder: Path, pattern: str, *, follow_links: bool = False) ->
 
     Raises:
         ShotError: no file matches, a name has no number, two have the same, names differ in more than the
-            number, a hyphen is ambiguous, or a link leads out of the folder.
+            number, a hyphen is ambiguous, the pattern leaves out earlier frames because their numbers have
+            fewer digits, or a link leads out of the folder.
     """
     if not is_folder(folder):
         raise ShotError(folder, "there is no such folder", NOT_FOUND)
@@ -90,6 +91,10 @@ def numbered_files(folder: Path, pattern: str, *, follow_links: bool = False) ->
         raise ShotError(folder, f"has no file {pattern}", hint)
     if len({*rests.values()}) > 1:
         raise ShotError(folder, f"has files of several sequences {pattern}", choose())
+    if (earlier := _with_fewer_digits(place, parts[-1], min(files))) is not None:
+        problem = f"has {earlier.name}, too, whose number has fewer digits than {parts[-1]} asks for"
+        hint = f"Take any number of digits: {_FIELD.sub('#', parts[-1])}; or move that file away."
+        raise ShotError(folder, problem, hint)
     if len(files) > SHOT_FRAMES:
         raise ShotError(folder, f"has {len(files)} files {pattern}; want at most {SHOT_FRAMES}")
     if not follow_links:
@@ -211,6 +216,17 @@ def _number_spans(place: Path, pattern: str) -> dict[str, _Span]:
         if (span := number_in(name, signed=False)) is not None:
             found[name] = span
     return found
+
+
+def _with_fewer_digits(place: Path, pattern: str, first: int) -> Path | None:
+    """Return the file of the frame before the first, if `####` leaves it out: 999 where the first is 1000."""
+    field = _FIELD.search(pattern)
+    if field is None or first <= 0:
+        return None
+    begin, end = _without(pattern, field.span())
+    is_before = re.compile(f"{_expression(begin)}{first - 1}{_ending(end)}", re.DOTALL)
+    fewer = (path for path in place.iterdir() if is_before.fullmatch(path.name))
+    return next(fewer, None) if len(str(first - 1)) < len(str(first)) else None
 
 
 def _without(name: str, number: _Span) -> tuple[str, str]:
