@@ -38,7 +38,8 @@ def quality(
     disoccluded, aliased and moving pixels, of pixels under changing light, and of first images after a cut;
     predicted and true classes. On thin_movers and moving_shadows also trails, kept coverage of thin objects,
     shadow edges, speckle, and the error by kind of pixel. All are of display values: exposed, tone mapped,
-    sRGB encoded. docs/quality.md describes each. Methods that do not support a shot's ratio or G-buffers are left out.
+    sRGB encoded. docs/quality.md describes each. Methods that do not support a shot's ratio or G-buffers are
+    left out.
 
     \b
     Examples:
