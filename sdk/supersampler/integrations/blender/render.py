@@ -114,7 +114,7 @@ class RenderRequest:
         }
 
 
-def _is_range(frames: object) -> bool:
+def _is_range(frames: Sequence[object]) -> bool:
     ends = [as_index(number) for number in frames] if is_row(frames) else []
     if len(ends) != 2:
         return False
