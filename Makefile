@@ -5,7 +5,7 @@
 # make records  measures all published records whose models have changed since, and rewrites the tables: hours
 # make docs   the documentation as a site, out/site; a broken link or an undocumented public name fails
 # make hashes compare every image of every method with bench/hashes.json, bit for bit
-# make fuzz   what is tested by chance, at length: SUPERSAMPLER_FUZZ cases of each kind of file and argument
+# make fuzz   long tests on random files and arguments: SUPERSAMPLER_FUZZ cases of each kind
 # make wheels wheels for Linux, macOS and Windows from this machine, checked: dist
 # make kit     dist/measuring-kit: measures the GPU of a machine that has Python KIT_PYTHON=3.12 on Linux and no network
 # make emulators  the CPU library compiled for arm64 and Windows, its tests run by QEMU and Wine
@@ -13,19 +13,19 @@
 # make fuzz-native  frames, models and images of any bytes for the CPU library, by clang's libFuzzer: SECONDS=60 for each
 # make traces  the graph of every shipped method is what the exporter writes today, and docs/how-to/add-a-method.md adds one
 # make mutation   changes of one place that no test notices: MUTATIONS=300 of them, MINUTES=60 at most, SEED=0
-# make test-integrations   `supersampler blender` with a real Blender, PyVista, Mitsuba: each where it can be installed
+# make test-integrations   tests with other programs, each where it can be installed: blender to webgpu below
 # make extension   the extension for Blender 4.2 and later: dist/supersampler_blender.zip
-# make blender   the first of them: bpy from PyPI, for Python 3.11; SUPERSAMPLER_BLENDER=/path/of/blender is taken instead
-# make pyvista   the second: PyVista from PyPI, software OpenGL is enough
-# make mitsuba   the third: the examples with Mitsuba from PyPI, of which one needs an LLVM of the system
-# make oidn    frames are denoised by Open Image Denoise, pyoidn from PyPI
-# make pygfx   the fourth: examples/pygfx_live.py with pygfx from PyPI, software Vulkan is enough
+# make blender   tests with Blender: bpy from PyPI, for Python 3.11, or SUPERSAMPLER_BLENDER=/path/of/blender
+# make pyvista   tests with PyVista from PyPI; software OpenGL is enough
+# make mitsuba   the examples with Mitsuba from PyPI; one of them needs the system's LLVM
+# make oidn    tests with Open Image Denoise: pyoidn from PyPI
+# make pygfx   examples/pygfx_live.py with pygfx from PyPI; software Vulkan is enough
 # make mujoco  examples/mujoco_cameras.py with MuJoCo from PyPI: software OpenGL is enough, by EGL or OSMesa
 # make vtk-cpp  examples/vtk_cpp with Debian's libvtk9-dev, xvfb and xauth
-# make webgpu  the fifth: exported shaders in Node with Dawn, from npm
+# make webgpu  exported shaders in Node with Dawn, from npm
 # make web     the page of `demo --web` in Chromium (Debian's chromium, or SUPERSAMPLER_CHROMIUM), with three.js from npm; then:
 # make three   the node for three.js beside three.js' own ones: a record, and table and picture in docs/tutorials/web.md
-# make cpp   examples/cpp_onnxruntime, compiled and run on the whole shipped shot; headers from Debian's registry
+# make cpp   examples/cpp_onnxruntime, compiled and run on the whole shipped shot; fetches headers from Debian
 # PYTHON=python3.12 chooses the interpreter of new environments. On Windows: the pip lines in README.md.
 PYTHON ?= python3
 

@@ -1,4 +1,4 @@
-"""Upscale a shot in sixty lines without supersampler, as an engine integration would.
+"""Upscale a shot in seventy lines without supersampler, as an engine integration would.
 
     python examples/bare_onnxruntime.py [MODEL_FOLDER SHOT_FOLDER OUT_FOLDER]
 

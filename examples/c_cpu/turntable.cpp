@@ -287,7 +287,7 @@ int main(int count, char** values) {
             char name[32];
             snprintf(name, sizeof name, "/%04d.png", index);
             if (!write_png((o.folder + name).c_str(), bytes.data(), o.width, o.height))
-                failed = "the folder cannot be written to";
+                failed = "the folder of -o cannot be written to; create it first";
         }
     }
     if (is_live) fputs("\x1b[?25h\x1b[0m", stdout);

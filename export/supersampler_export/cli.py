@@ -27,8 +27,9 @@ def export(
     method: Annotated[
         str,
         typer.Argument(
+            metavar="METHOD",
             help=f"One of {listed_methods(methods().values())}; `all`: those that ship. With --target: a "
-            "model that ships, or a model folder."
+            "model that ships, or a model folder.",
         ),
     ],
     output: Annotated[

@@ -82,8 +82,9 @@ class Stats:
         seconds: wall time of the steps, without extrapolation.
         extrapolation_seconds: wall time of extrapolating the colour of unshaded frames.
         stages: wall time by stage of the CPU backend, seconds; empty with other backends.
-        converged: fraction of the image, in [0, 1], that is frozen after the last frame. At 1 a viewer may
-            stop rendering until something moves or changes. None if the method does not converge.
+        converged: fraction of the image, in [0, 1], that is frozen after the last frame. From 0.99 on
+            a viewer may stop rendering until something moves or changes. None if the method does not
+            converge.
     """
 
     frames: int = 0

@@ -20,7 +20,7 @@ from blender_motion import camera_motion_of
 from supersampler import ArgumentError, ShotError
 from supersampler.cli import denoise_run
 from supersampler.conventions import jittered_projection
-from supersampler.integrations.blender.render import find_blender
+from supersampler.integrations.blender.render import RenderRequest, find_blender, rendering
 from supersampler.io.files import FolderLock
 from supersampler.io.images import read_exr, read_header, write_exr
 from supersampler.io.shot import Shot, open_source
@@ -84,6 +84,33 @@ def test_images_have_blenders_numbers_and_are_those_of_the_rendered_shot(tmp_pat
         assert read_exr(tmp_path / "out" / name).keys() == {*"RGBA"}
         image = upscaler.step(item.frame).astype(np.float16)
         np.testing.assert_array_equal(pixels(tmp_path / "out" / name), image)
+
+
+def test_the_page_renders_and_upscales_frames_in_python(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page = (Path(__file__).parents[2] / "docs/tutorials/blender.md").read_text(encoding="utf-8")
+    [snippet] = re.findall("```python\n(.*?)```", page, re.DOTALL)
+    scene_file(tmp_path).rename(tmp_path / "kitchen.blend")
+    fake_blender(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
+    found: dict[str, Any] = {}
+    exec(snippet.replace("(1, 48)", f"{NUMBERS}"), found)  # noqa: S102
+    frames = list(found["upscaled"](tmp_path / "render"))
+    assert [number for number, _ in frames] == [5, 6, 7, 8]
+    assert {image.shape for _, image in frames} == {(64, 96, 3)}
+
+
+@pytest.mark.parametrize("frames", [(8, 5), (-1, 5), (5,), 5, ("5", "8")])
+def test_a_request_of_no_range_of_frames_is_refused(tmp_path: Path, frames: Any) -> None:
+    request = RenderRequest(blend=scene_file(tmp_path), frames=frames, program=str(fake_blender(tmp_path)))
+    with (
+        pytest.raises(ArgumentError, match=r"^frames is .*; want \(first, last\)"),
+        rendering(request, tmp_path / "render", note=print),
+    ):
+        pass
+    assert not (tmp_path / "render").exists()
 
 
 DENOISED = {"scene": {"denoise": "temporal", "display_size": [48, 32]}}

@@ -35,10 +35,11 @@ def quality(
     """Compare the images of methods with a shot's references.
 
     Metrics: PSNR, SSIM and FLIP of frames; tPSNR, warped error and STRRED of changes between frames; PSNR of
-    disoccluded, relit, aliased and moving pixels, and of first images after a cut; predicted and true
-    classes. On thin_movers and moving_shadows also trails, kept coverage of thin objects, shadow edges,
-    speckle, and the error by kind of pixel. All are of display values: exposed, tone mapped, sRGB encoded.
-    docs/quality.md describes each. Methods that do not support a shot's ratio or G-buffers are left out.
+    disoccluded, aliased and moving pixels, of pixels under changing light, and of first images after a cut;
+    predicted and true classes. On thin_movers and moving_shadows also trails, kept coverage of thin objects,
+    shadow edges, speckle, and the error by kind of pixel. All are of display values: exposed, tone mapped,
+    sRGB encoded. docs/quality.md describes each. Methods that do not support a shot's ratio or G-buffers are
+    left out.
 
     \b
     Examples:
@@ -109,7 +110,7 @@ def denoise(
     renders: Annotated[
         list[Path],
         typer.Argument(
-            metavar="RENDER...",
+            metavar="RENDER",
             help="Folders of a path tracer's frames, named SCENE-SAMPLES: room-4 has 4 samples per pixel.",
         ),
     ],

@@ -19,7 +19,7 @@ _FAMILIES = (*TRAIN_FAMILIES, *TEST_FAMILIES, *APART_FAMILIES)
 
 @app.command()
 def render(
-    output: Annotated[Path, typer.Argument(metavar="OUTPUT", parser=folder_path, help="Folder of the set.")],
+    output: Annotated[Path, typer.Argument(metavar="OUT", parser=folder_path, help="Folder of the set.")],
     families: Annotated[
         str, typer.Option("--scenes", help=f"`train`, `test`, or some of {', '.join(_FAMILIES)}.")
     ] = "train",

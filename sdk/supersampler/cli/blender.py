@@ -1,6 +1,7 @@
 """`supersampler blender`: renders a .blend file, and denoises or upscales the frames as they are rendered."""
 
 from collections.abc import Callable, Iterable
+from dataclasses import astuple
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -79,12 +80,12 @@ def blender(
     ] = False,
     motion_blur: Annotated[
         bool,
-        typer.Option("--motion-blur", help="With --denoise temporal: add motion blur to the results there."),
+        typer.Option("--motion-blur", help="With --denoise temporal: add motion blur, in OUTPUT/composited."),
     ] = False,
     depth_of_field: Annotated[
         bool,
         typer.Option(
-            "--depth-of-field", help="With --denoise temporal: add depth of field to the results there."
+            "--depth-of-field", help="With --denoise temporal: add depth of field, in OUTPUT/composited."
         ),
     ] = False,
     advise: Annotated[
@@ -135,7 +136,7 @@ def blender(
             )
     request = RenderRequest(
         blend=scene_file,
-        frames=None if frames is None else FrameRange.parse(frames, "--frames", lowest=0),
+        frames=None if frames is None else astuple(FrameRange.parse(frames, "--frames", lowest=0)),
         display_size=None if display_size is None else parse_size(display_size, "--display-size"),
         scale=scale,
         samples=samples,

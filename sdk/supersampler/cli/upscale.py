@@ -102,8 +102,8 @@ def upscale(
         str | None,
         typer.Option(
             metavar="MODEL",
-            help="Extrapolate unshaded frames of SHOT: guided-warp, or a model folder. All frames need "
-            "G-buffers.",
+            help="Extrapolate unshaded frames of SHOT: guided-warp, guided-flow, or a model folder. All "
+            "frames need G-buffers.",
         ),
     ] = None,
     validate: Annotated[

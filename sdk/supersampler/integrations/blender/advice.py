@@ -25,7 +25,6 @@ from supersampler.integrations.blender.render import Rendering, RenderRequest, r
 from supersampler.io.display import luminance
 from supersampler.io.shot import Shot
 from supersampler.io.shot.blender import RenderedScene
-from supersampler.io.shot.numbered import FrameRange
 from supersampler.upscaler import Upscaler
 
 FRAMES = 5
@@ -95,8 +94,8 @@ def advise(
         raise ArgumentError("--advise", got="given with --scale or --denoise", want="neither: it tries both")
     numbers, size = request.frames, request.display_size
     if numbers is not None:
-        first = max(numbers.first, (numbers.first + numbers.last - FRAMES + 1) // 2)
-        numbers = FrameRange(first, min(first + FRAMES - 1, numbers.last))
+        first = max(numbers[0], (numbers[0] + numbers[1] - FRAMES + 1) // 2)
+        numbers = first, min(first + FRAMES - 1, numbers[1])
     if size is not None:
         size = round(size[0] * PART), round(size[1] * PART)
     full = replace(request, denoise="temporal", frames=numbers, display_size=size, part=PART, most=FRAMES)
@@ -110,7 +109,7 @@ def advise(
     per_frame: PerFrame = "none" if shot.is_denoised else "oidn"
     temporal = list(denoise_sequence(frames, per_frame=per_frame, samples=scene.samples))[middle]
     filtered = (time.perf_counter() - began) / len(frames)
-    again = replace(full, frames=FrameRange(number, number), seed=1, samples=_MORE * (scene.samples or 1))
+    again = replace(full, frames=(number, number), seed=1, samples=_MORE * (scene.samples or 1))
     with rendering(again, folder / "again", overwrite=overwrite, note=lambda _: None) as render:
         noisy = first_noisy, _color(render.shot.with_noise(), 0)
     upscaled, small = _upscaled(full, folder, scene, number, overwrite=overwrite)
@@ -140,7 +139,7 @@ def _upscaled(
         denoise="frame",
         scale=_SCALE,
         samples=round((scene.samples or 1) * _SCALE**2),
-        frames=FrameRange(max(0, number - FRAMES + 1), number),
+        frames=(max(0, number - FRAMES + 1), number),
         display_size=scene.display_size,
     )
     with (

@@ -22,15 +22,16 @@ from typing import Literal, NamedTuple, Self
 
 import msgspec
 
-from supersampler.arguments import checked_scale
+from supersampler.arguments import as_index, checked_scale, is_row
 from supersampler.conventions import halton_jitter, jitter_phase_count
-from supersampler.errors import ArgumentError, ShotError, printable
+from supersampler.errors import ArgumentError, ShotError, printable, shown
 from supersampler.frame import Size
 from supersampler.io import files
 from supersampler.io.child_process import GRACE, ChildProcess, end_text
 from supersampler.io.json_files import decoded
 from supersampler.io.shot import blender
-from supersampler.io.shot.numbered import FrameRange
+from supersampler.io.shot.format import is_frame_range
+from supersampler.io.shot.numbered import Range
 from supersampler.io.shot.shot import Shot
 
 Engine = Literal["cycles", "eevee", "workbench"]
@@ -54,7 +55,7 @@ class RenderRequest:
 
     Attributes:
         blend: the file; it is never written.
-        frames: numbers of the frames.
+        frames: first and last number of the frames, both included.
         display_size: (width, height) of the upscaled images.
         scale: display over render size, >= 1, of frames that are upscaled; None is 2.
         samples: samples per render pixel; None is 16 if Cycles' frames are upscaled.
@@ -74,7 +75,7 @@ class RenderRequest:
     """
 
     blend: Path
-    frames: FrameRange | None = None
+    frames: Range | None = None
     display_size: Size | None = None
     scale: float | None = None
     samples: int | None = None
@@ -100,6 +101,8 @@ class RenderRequest:
         if self.denoise == "temporal" and self.scale is not None:
             want = "one of the two: temporal denoising renders at full size"
             raise ArgumentError("scale", got=f"{self.scale:g}, with temporal denoising", want=want)
+        if self.frames is not None and not _is_range(self.frames):
+            raise ArgumentError("frames", got=shown(self.frames), want="(first, last), both >= 0, or None")
         with files.os_errors_as_shot_error(self.blend), self.blend.open("rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
         others = "frames", "program", "composite"
@@ -109,6 +112,14 @@ class RenderRequest:
             "display_size": self.display_size and list(self.display_size),
             "scale": None if self.scale is None else checked_scale(self.scale),
         }
+
+
+def _is_range(frames: Sequence[object]) -> bool:
+    ends = [as_index(number) for number in frames] if is_row(frames) else []
+    if len(ends) != 2:
+        return False
+    first, last = ends
+    return first is not None and last is not None and first >= 0 and is_frame_range(first, last)
 
 
 class Rendering(NamedTuple):
@@ -166,7 +177,7 @@ def _rendered(rendered: "_RenderFolder", program: str, log: files.LogFile) -> It
     script = {
         **rendered.record.settings,
         "composite": request.composite,
-        "frames": request.frames and [request.frames.first, request.frames.last],
+        "frames": request.frames and list(request.frames),
         "jitter": rendered.record.jitter,
         "complete": complete,
         "folder": str(folder.resolve()),
@@ -194,7 +205,7 @@ class _RenderFolder:
         settings = request.settings()
         scale = _SCALE if request.scale is None else request.scale
         jitter = tuple(halton_jitter(index, scale) for index in range(jitter_phase_count(scale)))
-        first = 0 if request.frames is None else request.frames.first
+        first = 0 if request.frames is None else request.frames[0]
         self.record = blender.RenderRecord(settings=settings, first=first, jitter=jitter)
 
     def begin(self, *, overwrite: bool) -> None:
@@ -239,7 +250,7 @@ class _RenderFolder:
         """Store the description of the scene; ShotError if the frames that exist show another scene."""
         if self.record.scene is not None and self.record.frames:
             self._check_scene(self.record.scene, scene)
-        first = scene.numbers[0] if self.request.frames is None else self.request.frames.first
+        first = scene.numbers[0] if self.request.frames is None else self.request.frames[0]
         jitter = ((0.0, 0.0),) if scene.denoise == "temporal" else self.record.jitter
         self.record = msgspec.structs.replace(self.record, scene=scene, first=first, jitter=jitter)
         self.record.write(self.path)
@@ -272,7 +283,8 @@ class _RenderFolder:
 
     def _count(self) -> int:
         assert self.record.scene is not None  # noqa: S101  # the callers wait for it
-        return len(self.request.frames or FrameRange(*self.record.scene.numbers))
+        first, last = self.request.frames or self.record.scene.numbers
+        return last + 1 - first
 
     def _check_free(self) -> None:
         for path in sorted(self.path.glob("[!.]*.exr")) if self.path.is_dir() else ():
@@ -290,7 +302,7 @@ class _RenderFolder:
             )
             raise ShotError(self.path, f"frames of another render are there: {what}", _OTHER_RENDER)
         requested = (
-            self.request.frames.first if self.request.frames else earlier.scene and earlier.scene.numbers[0]
+            self.request.frames[0] if self.request.frames else earlier.scene and earlier.scene.numbers[0]
         )
         if requested not in (None, earlier.first):
             problem = f"frames from {earlier.first} on are there; this render begins with {requested}"
