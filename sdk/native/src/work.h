@@ -155,17 +155,17 @@ struct TaauWork {
     float* next_history;
     PreviousFrame previous;  // occluding depth
     float* surface;          // the same of this frame, written to
-    float* shades;           // (height, stride, 4) of 3x3 samples: mean and deviation of toned luma, whether they are on a
-                             // plane, [0, 1], 1 where one is over GLARE_EXPOSED
-    float* cells;            // (CELL_PLANES, cells_down, cells_pitch) of 2x2 samples, see the kernels
+    float* shades;  // (height, stride, 4) of 3x3 samples: mean and deviation of toned luma, whether they are on a
+                    // plane, [0, 1], 1 where one is over GLARE_EXPOSED
+    float* cells;   // of each thread CELL_ROWS rows of cells of 2x2 samples, see `Changes`
     int cells_across, cells_down, cells_pitch;
     float jitter[2];
-    float* sums;             // (height, 2) sums of each row's means and squared deviations
+    float* sums;  // (height, 2) sums of each row's means and squared deviations
     Target target;
     taau::Config config;
-    float change;      // exposure over the previous exposure
-    bool unconfirmed;  // whether the light of this whole frame is
-    bool glares;       // whether any light may be unconfirmed
+    float change;       // exposure over the previous exposure
+    bool unconfirmed;   // whether the light of this whole frame is
+    bool glares;        // whether any light may be unconfirmed
     const float* kept;  // (blocks down, kept_pitch) number of samples that are kept, by column of the display; or null
     const int32_t* kept_rows;
     float* kept_room;
@@ -177,7 +177,7 @@ struct TaauWork {
     float* lines;  // of each thread, `line_pitch` apart, TAAU_LINES rows of filtered samples
     size_t line_pitch;
 };
-constexpr int CELL_PLANES = 4;
+constexpr int CELL_ROWS = 15;
 
 struct SpatialWork {
     Samples samples;
@@ -272,8 +272,6 @@ struct TemporalFilter {
     kernel(taa_boxes, (const TaaWork&, int y0, int y1))                                                               \
     kernel(taa_rows, (const TaaWork&, Rect, int thread))                                                              \
     kernel(taau_shade, (const TaauWork&, int y0, int y1, int thread))                                                 \
-    kernel(taau_cells, (const TaauWork&, int y0, int y1))                                                             \
-    kernel(taau_changes, (const TaauWork&, int y0, int y1))                                                           \
     kernel(taau_compare, (const TaauWork&, int y0, int y1))                                                           \
     kernel(taau_rows, (const TaauWork&, Rect, int thread))                                                            \
     kernel(sign_blocks, (const RestWork&, int y0, int y1))                                                            \

@@ -74,69 +74,113 @@ void taau_shade(const TaauWork& w, int y0, int y1, int thread) {
     }
 }
 
-static float* cells_row(const TaauWork& w, int y, int plane) {
-    return w.cells + (static_cast<ptrdiff_t>(plane) * w.cells_down + y) * w.cells_pitch + PAD;
-}
-
-// Sums over the two compared samples of each cell: difference from the history, its square, number; then the change.
-enum CellPlane { DIFFERENCE, SQUARE, COUNT, CHANGE };
-
-// Compares samples with the nearest pixels of the history where they were; see `Taau.change_of_light`.
-void taau_cells(const TaauWork& w, int y0, int y1) {
-    const Samples& s = w.samples;
-    const Size display = {w.target.width, w.target.height};
-    const float scale_x = static_cast<float>(display.width) / static_cast<float>(s.width);
-    const float scale_y = static_cast<float>(display.height) / static_cast<float>(s.height);
-    for (int cell = y0; cell < y1; cell++) {
-        for (int first = 0; first < w.cells_across; first += W) {
-            F difference = F{}, square = F{}, count = F{};
-            for (int k = 0; k < 2; k++) {
-                const int row = min(2 * cell + k, s.height - 1);
-                const I column = minimum((ramp() + first) * 2 + k, s.width - 1);
-                const float* dilated = fours_row(s, s.dilated, row);
-                const F x = (to_float(column) + 0.5f + w.jitter[0] + gather(dilated + 1, column * 4)) * scale_x - 0.5f;
-                const F y =
-                    (gather(dilated + 2, column * 4) + (static_cast<float>(row) + 0.5f + w.jitter[1])) * scale_y - 0.5f;
-                const I across = clamped(to_int(floor(x + ROUNDING)), 0, display.width - 1);
-                const I down = clamped(to_int(floor(y + ROUNDING)), 0, display.height - 1);
-                const I place = (down * display.width + across) * 5;
-                const F3 light = {gather(w.history, place), gather(w.history + 1, place), gather(w.history + 2, place)};
-                const F before = ycocg(tone(light * s.exposure)).r;
-                F counts = gather(sample_row(s, row, USABLE), column);
-                counts = select(on_screen(x, y, display), counts, 0.0f);
-                const F apart = (gather(sample_row(s, row, LUMA), column) - before) * counts;
-                difference += apart;
-                square += apart * apart;
-                count += counts;
-            }
-            store(cells_row(w, cell, DIFFERENCE) + first, difference);
-            store(cells_row(w, cell, SQUARE) + first, square);
-            store(cells_row(w, cell, COUNT) + first, count);
-        }
-        for (int plane = DIFFERENCE; plane <= COUNT; plane++) repeat_ends(cells_row(w, cell, plane), w.cells_across);
+// Change of light by cell of 2x2 samples; same as `Taau.change_of_light` of the torch module. It is computed just before
+// pixels read the same rows of the history, which then are in the cache.
+class Changes {
+   public:
+    Changes(const TaauWork& w, Rect rect, int thread)
+        : w_(w), rows_(w.cells + static_cast<ptrdiff_t>(thread) * CELL_ROWS * w.cells_pitch + PAD) {
+        const int top = max(floor_of(down_at(rect.y0)), 0);
+        first_ = max(floor_of(across_at(rect.x0)) - 1, 0) / W * W;
+        last_ = min(floor_of(across_at(rect.x1 - 1)) + 3, w.cells_across);
+        summed_ = max(top - 1, 0), changed_ = top;
     }
-}
 
-// Whether light changed around each cell, [0, 1]; see `Taau.change_of_light`.
-void taau_changes(const TaauWork& w, int y0, int y1) {
-    for (int y = y0; y < y1; y++) {
-        const int rows[] = {max(y - 1, 0), y, min(y + 1, w.cells_down - 1)};
-        float* change = cells_row(w, y, CHANGE);
-        for (int x = 0; x < w.cells_across; x += W) {
+    // Interpolates to a row of pixels, below the last one.
+    void enter(int y) {
+        const float down = down_at(y);
+        const int top = floor_of(down), last = w_.cells_down - 1, below = min(top + 1, last);
+        for (; changed_ <= below; changed_++) {
+            for (; summed_ <= min(changed_ + 1, last); summed_++) sum(summed_);
+            change(changed_);
+        }
+        const float *upper = row(CHANGE, max(top, 0)), *lower = row(CHANGE, below);
+        for (int x = first_; x < last_; x += W)
+            store(row(LINE, 0) + x, lerp(load(upper + x), load(lower + x), spread(down - static_cast<float>(top))));
+        repeat_ends(row(LINE, 0), w_.cells_across);
+    }
+
+    // The change at W pixels from x on.
+    F at(int x) const {
+        const F across = (to_float(ramp() + x) + 0.5f) * step(0) - shift(0), whole = floor(across);
+        const I cell = to_int(whole);
+        const float* left = row(LINE, 0) + cell[0];
+        const I places = cell - cell[0];
+        return lerp(permuted(load(left), places), permuted(load(left + 1), places), across - whole);
+    }
+
+   private:
+    // Rows of cells: of the two compared samples, the sum of differences from the history, of their squares, and their
+    // number; the change; the change interpolated between rows.
+    enum Plane { DIFFERENCE, SQUARE, COUNT, CHANGE, LINE };
+    float* row(int plane, int y) const { return rows_ + (3 * plane + y % 3) * w_.cells_pitch; }
+
+    static int floor_of(float position) { return static_cast<int>(position + 1.0f) - 1; }  // of positions over -1
+    float step(int axis) const {
+        const Axis& a = axis ? w_.tables.y : w_.tables.x;
+        return 0.5f * static_cast<float>(a.samples) / static_cast<float>(a.pixels);
+    }
+    float shift(int axis) const { return 0.5f * (1.0f + w_.jitter[axis]); }
+    float across_at(int x) const { return (static_cast<float>(x) + 0.5f) * step(0) - shift(0); }
+    float down_at(int y) const { return (static_cast<float>(y) + 0.5f) * step(1) - shift(1); }
+
+    void sum(int y) const {
+        for (int x = first_; x < last_; x += W) {
+            F sums[COUNT + 1] = {};
+            for (int k = 0; k < 2; k++) compare(2 * x, min(2 * y + k, w_.samples.height - 1), k, sums);
+            for (int plane = DIFFERENCE; plane <= COUNT; plane++) store(row(plane, y) + x, sums[plane]);
+        }
+        for (int plane = DIFFERENCE; plane <= COUNT; plane++) repeat_ends(row(plane, y), w_.cells_across);
+    }
+
+    // Compares every second sample of a row, from x + k on, with the nearest pixel of the history where it was.
+    void compare(int x, int y, int k, F (&sums)[COUNT + 1]) const {
+        const Samples& s = w_.samples;
+        const Size display = {w_.target.width, w_.target.height};
+        const I column = minimum(ramp() * 2 + (x + k), s.width - 1);
+        alignas(ss::LINE) int32_t places[LANES];
+        F dilated[4], before[4];
+        store(places, column);
+        gather4(fours_row(s, s.dilated, y), places, 4, dilated);
+        const F px = (to_float(column) + (0.5f + w_.jitter[0]) + dilated[1]) * (0.5f / step(0)) - 0.5f;
+        const F py = (dilated[2] + (static_cast<float>(y) + 0.5f + w_.jitter[1])) * (0.5f / step(1)) - 0.5f;
+        const I across = clamped(to_int(floor(px + ROUNDING)), 0, display.width - 1);
+        const I down = clamped(to_int(floor(py + ROUNDING)), 0, display.height - 1);
+        store(places, down * display.width + across);
+        gather4(w_.history, places, 5, before);
+        auto own = [&](int plane) __attribute__((always_inline)) {
+            const float* at = sample_row(s, y, plane) + x;
+            return k ? odds(load(at), load(at + W)) : evens(load(at), load(at + W));
+        };
+        const F counts = select(on_screen(px, py, display), own(USABLE), 0.0f);
+        const F luma = ycocg(tone(F3{before[0], before[1], before[2]} * s.exposure)).r;
+        const F difference = (own(LUMA) - luma) * counts;
+        sums[DIFFERENCE] += difference;
+        sums[SQUARE] += difference * difference;
+        sums[COUNT] += counts;
+    }
+
+    void change(int y) const {
+        const int rows[] = {max(y - 1, 0), y, min(y + 1, w_.cells_down - 1)};
+        for (int x = first_; x < last_; x += W) {
             auto sum = [&](int plane) __attribute__((always_inline)) {
                 F total = F{};
-                for (int row : rows) total += sum3(cells_row(w, row, plane) + x);
+                for (int near : rows) total += sum3(row(plane, near) + x);
                 return total;
             };
             const F count = sum(COUNT), scale = 1.0f / maximum(count, 1.8e-5f), mean = sum(DIFFERENCE) * scale;
             const F deviation = square_root(maximum(sum(SQUARE) * scale - mean * mean, 0.0f));
-            const F noise = deviation * w.config.change_deviation + w.config.least_change;
+            const F noise = deviation * w_.config.change_deviation + w_.config.least_change;
             const F found = clamped(absolute(mean) / noise - 1.0f, 0.0f, 1.0f);
-            store(change + x, select(count > 18.0f * MIN_WINDOW_WEIGHT, found, 0.0f));
+            store(row(CHANGE, y) + x, select(count > 18.0f * MIN_WINDOW_WEIGHT, found, 0.0f));
         }
-        repeat_ends(change, w.cells_across);
     }
-}
+
+    const TaauWork& w_;
+    float* rows_;
+    int first_, last_;      // columns of cells
+    int summed_, changed_;  // the next rows
+};
 
 // This frame at display pixels, toned YCoCg; same as `CurrentFrame` of the torch module.
 struct CurrentFrame {
@@ -325,20 +369,8 @@ SS_INLINE F visibility(const TaauWork& w, F depth, const Reprojected& at) {
     return select(at.on, maximum(1.0f - occluded * 2.0f, 0.0f), 0.0f);
 }
 
-// Interpolates the change of light between cells.
-SS_INLINE F change_at(const TaauWork& w, const TaauRow& row, int x) {
-    const F across = (to_float(ramp() + x) + 0.5f) * (0.5f / row.scale_x) - 0.5f * (1.0f + w.jitter[0]);
-    const float down = (static_cast<float>(row.y) + 0.5f) * (0.5f / row.scale_y) - 0.5f * (1.0f + w.jitter[1]);
-    LinearTaps taps(across, spread(down), w.cells_across, w.cells_down, w.cells_pitch);
-    F upper[4], lower[4];
-    gather4(cells_row(w, 0, CHANGE) - PAD, taps.upper, 1, upper);
-    gather4(cells_row(w, 0, CHANGE) - PAD, taps.lower, 1, lower);
-    const F changes[4] = {upper[0], upper[1], lower[0], lower[1]};
-    return mean_of(changes, taps.weight);
-}
-
-SS_INLINE PixelHistory history_at(const TaauWork& w, const TaauRow& row, const Surface& here, const Reprojected& at,
-                                  int x, WarpScratch& scratch) {
+SS_INLINE PixelHistory history_at(const TaauWork& w, const Changes& changes, const Surface& here, const Reprojected& at,
+                                  int y, int x, WarpScratch& scratch) {
     prepare_warp(at.x, at.y, {w.target.width, w.target.height}, 5, w.config.history_sharpness, scratch);
     warp5(w.history, scratch);
     F sharp[4], linear[4];
@@ -350,10 +382,9 @@ SS_INLINE PixelHistory history_at(const TaauWork& w, const TaauRow& row, const S
     past.samples = linear[2];
     past.power = linear[3];
     if (w.kept)
-        past.samples =
-            minimum(past.samples, load(w.kept + w.kept_rows[row.y] * static_cast<ptrdiff_t>(w.kept_pitch) + x));
+        past.samples = minimum(past.samples, load(w.kept + w.kept_rows[y] * static_cast<ptrdiff_t>(w.kept_pitch) + x));
     past.surface = visibility(w, here.depth, at);
-    past.unchanged = 1.0f - change_at(w, row, x);
+    past.unchanged = 1.0f - changes.at(x);
     return past;
 }
 
@@ -362,13 +393,15 @@ void taau_rows(const TaauWork& w, Rect rect, int thread) {
     const Size display = {w.target.width, w.target.height};
     WarpScratch& scratch = w.scratch[thread];
     const Span span(w.tables.x, rect.x0, rect.x1);
+    Changes changes(w, rect, thread);
     for (int y = rect.y0; y < rect.y1; y++) {
+        changes.enter(y);
         const TaauRow row = row_of(w, span, y, thread);
         for (int x = rect.x0; x < rect.x1; x += W) {
             const Places places(w.tables.x.start, x);
             const Surface here = surface_at(w, row, x, scratch);
             const Reprojected at = reproject(x, y, here.motion_x, here.motion_y, display);
-            const PixelHistory past = history_at(w, row, here, at, x, scratch);
+            const PixelHistory past = history_at(w, changes, here, at, y, x, scratch);
             const CurrentFrame now = current_frame(w, row.lines, places, y, x, here.fit);
             auto upsampled = [&] {
                 F3 frame = now.center;

@@ -25,7 +25,7 @@ static bool make_buffers(const Model& model, StepBuffers& buffers) {
     work->shades = buffers.rows_of_samples(4, buffers.samples.stride);
     work->cells_across = divided_up(buffers.render.width, 2), work->cells_down = divided_up(buffers.render.height, 2);
     work->cells_pitch = up_to(work->cells_across, LANES) + 2 * PAD;
-    work->cells = buffers.arena.take<float>(static_cast<size_t>(CELL_PLANES) * work->cells_down * work->cells_pitch);
+    work->cells = buffers.arena.take<float>(static_cast<size_t>(CELL_ROWS) * work->cells_pitch * model.pool.threads());
     work->line_pitch = static_cast<size_t>(LINES) * buffers.samples.pitch + LANES;
     work->lines = buffers.arena.take<float>(work->line_pitch * model.pool.threads());
     const Size blocks = blocks_of(buffers.render);
@@ -134,8 +134,6 @@ static ss_status compute(Step& step) {
                       ? s.exposure / (step.before.exposure < 0.0f ? -step.before.exposure : step.before.exposure)
                       : 1.0f;
     step.workers().run_rows(s.height, [&](int y0, int y1, int thread) { kernels.taau_shade(work, y0, y1, thread); });
-    step.workers().run_rows(work.cells_down, [&](int y0, int y1, int) { kernels.taau_cells(work, y0, y1); });
-    step.workers().run_rows(work.cells_down, [&](int y0, int y1, int) { kernels.taau_changes(work, y0, y1); });
     write_light(step, work);
     work.unconfirmed = step.after.values[3] > 0.0f;
     if (work.unconfirmed) step.after.glares |= step.before.glares;  // pixels keep their counts
