@@ -1,18 +1,30 @@
 """Shaders of `taau`."""
 
+import numpy as np
+
 from supersampler.backends.gpu import program
-from supersampler.backends.gpu.history import PIXELS, HistoryLayout, HistoryPlane, of_plane
+from supersampler.backends.gpu.history import PIXELS, Codec, HistoryLayout, HistoryPlane, Packed, of_plane
 from supersampler.backends.gpu.memory import BLOCKS, ONE, PixelTexture
+from supersampler.frame import Float32
 from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.spec import constants_of
 from supersampler.methods.taau.spec import TAAU
+
+
+def _unpack_depth(words: Packed) -> Float32:
+    return np.ascontiguousarray(words).view(np.float32)
+
+
+def _pack_depth(pixels: Float32) -> Packed:
+    return np.ascontiguousarray(pixels[..., :1]).view(np.uint32)
+
 
 LAYOUT = HistoryLayout(
     TAAU,
     {
         "pixels": PIXELS,
         "power": HistoryPlane("samples", 1, None),
-        "surface": HistoryPlane("surface", 1, "r32float"),
+        "surface": HistoryPlane("surface", 1, "r32uint", Codec(_unpack_depth, _pack_depth)),
         **program.REST_PLANES,
     },
     {

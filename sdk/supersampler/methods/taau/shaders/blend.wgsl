@@ -15,7 +15,7 @@
 @group(0) @binding(2) var<storage, read> next_state: State;
 @group(0) @binding(3) var samples: texture_2d<f32>;
 @group(0) @binding(4) var dilated: texture_2d<u32>;
-@group(0) @binding(5) var history_surface: texture_2d<f32>;    // occluding depth
+@group(0) @binding(5) var history_surface: texture_2d<u32>;    // occluding depth
 @group(0) @binding(7) var history_pixels: texture_2d<u32>;     // linear RGB, number of samples
 @group(0) @binding(8) var<storage, read> history_power: array<f32>;
 @group(0) @binding(9) var next_pixels: texture_storage_2d<rg32uint, write>;
@@ -129,7 +129,7 @@ fn frame_alone(p: vec2i, now: Current) -> vec3f {
     return frame * dimming_to_samples(from_ycocg(frame), at);
 }
 
-fn occluding_at(p: vec2i) -> f32 { return textureLoad(history_surface, p, 0).x; }
+fn occluding_at(p: vec2i) -> f32 { return bitcast<f32>(textureLoad(history_surface, p, 0).x); }
 
 fn power_at(p: vec2i) -> f32 { return history_power[index_of(clamped(p, display_size()), display_size())]; }
 

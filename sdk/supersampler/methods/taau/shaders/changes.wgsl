@@ -48,7 +48,8 @@ fn compared(p: vec2i) -> vec3f {
 // Every thread calls this between barriers.
 fn find_changes(thread: i32) {
     for (var i = thread; i < CHANGES_ACROSS * CHANGES_DOWN; i += TILE_THREADS) {
-        let first = i / CHANGES_ACROSS * SUMS_ACROSS + i % CHANGES_ACROSS;
+        let cell = clamped(first_cell + vec2i(i % CHANGES_ACROSS, i / CHANGES_ACROSS), cells_size()) - first_cell;
+        let first = cell.y * SUMS_ACROSS + cell.x;
         var window = vec3f(0.0);
         /* unroll */ for (var j = 0; j < 3; j++) {
             /* unroll */ for (var k = 0; k < 3; k++) { window += sums[first + j * SUMS_ACROSS + k]; }
