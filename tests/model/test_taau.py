@@ -56,35 +56,69 @@ def plane(*values: float) -> Tensor:
     return torch.tensor(values).reshape(1, -1, 1, 1)
 
 
-def present(shade: tuple[float, float] = (0.5, 0.1), fit: float = 0.0) -> CurrentFrame:
-    """Grey: a frame of luma 0.3, a sample of 0.5, a neighbourhood from 0.2 to 0.6."""
+def present(mean: float = 0.5, fit: float = 0.0) -> CurrentFrame:
+    """Grey: a frame of luma 0.3, a sample of 0.5, a neighbourhood from 0.2 to 0.6, and `mean` around it."""
     moments = Moments(plane(0.4, 0.0, 0.0), plane(0.2**2, 1e-2, 1e-2), plane(1.0))
     frame, sample = plane(0.3, 0.0, 0.0), plane(0.5, 0.0, 0.0)
-    return CurrentFrame(frame, sample, plane(0.5), moments, plane(fit), plane(*shade), plane(0.0))
+    return CurrentFrame(frame, sample, plane(0.5), moments, plane(fit), plane(mean, 0.1), plane(0.0))
 
 
-def remembered(luma: float = 0.4, surface: float = 1.0, mean: float = 0.5) -> WarpedHistory:
-    """Ten samples of a spread of 0.1, of a mean with a deviation of 0.05 around."""
+def remembered(luma: float = 0.4, surface: float = 1.0, unchanged: float = 1.0) -> WarpedHistory:
+    """Ten samples of a spread of 0.1."""
     light, color, none = plane(luma, luma, luma), plane(luma, 0.0, 0.0), plane(0.0)
-    samples, power, shade = plane(10.0), plane(0.01), plane(mean, 0.05)
-    return WarpedHistory(light, color, samples, power, shade, none, plane(surface), none, none)
+    known = plane(unchanged), plane(surface)
+    return WarpedHistory(light, color, plane(10.0), plane(0.01), none, *known, none, none)
 
 
-def test_a_flash_keeps_the_history_where_contrast_rises_and_light_has_not_changed() -> None:
-    def decided(shade: tuple[float, float], flash: float, history: WarpedHistory) -> Blend:
-        return RULES.network(present(shade), history, plane(flash))
-
-    risen, same, history = (0.5, 0.1), (0.5, 0.05), remembered(surface=0.5)
-    blend = decided(risen, 1.0, history)
+def test_a_flash_keeps_the_history_where_light_has_not_changed() -> None:
+    blend = RULES.network(present(), remembered(surface=0.5), plane(1.0))
     assert blend.unconfirmed
     assert float(blend.kept) == pytest.approx(5.0)
-    assert decided(same, 2.0, history).unconfirmed, "of a frame like the last one"
-    for shade, flash, before in (
-        (risen, 0.0, history),
-        (same, 1.0, history),
-        (risen, 1.0, remembered(mean=0.1)),
-    ):
-        assert not decided(shade, flash, before).unconfirmed
+    assert not RULES.network(present(), remembered(), plane(0.0)).unconfirmed
+    assert not RULES.network(present(), remembered(unchanged=0.0), plane(1.0)).unconfirmed
+
+
+def changed(difference: Tensor, usable: float = 1.0, shift: float = 0.0) -> Tensor:
+    """Change of light by cell, (5, 6), of samples less a history of 0.4; `shift` is their motion."""
+    history = torch.full((1, 3, 18, 24), 0.4 / 0.6)
+    motion = torch.zeros(1, 2, 9, 12) + shift
+    view = ops.View(ops.Size(24, 18), RENDER, torch.zeros(1, 2))
+    luma = 0.4 + difference.expand(9, 12)[None, None]
+    found = RULES.change_of_light(luma, torch.full_like(luma, usable), motion, history, view)
+    return found[0, 0]
+
+
+@pytest.mark.parametrize(("steps", "expected"), [(0.9, 0.0), (1.5, 0.5), (-1.5, 0.5), (3.0, 1.0)])
+def test_light_changed_where_all_samples_differ_from_the_history_alike(steps: float, expected: float) -> None:
+    found = changed(torch.tensor(steps * C.least_change))
+    torch.testing.assert_close(found, torch.full((5, 6), expected), rtol=0.0, atol=1e-3)
+
+
+def test_the_edge_of_a_shadow_is_a_change_of_light_and_aliasing_is_none() -> None:
+    assert changed(torch.where(X < 2.0, 0.2, 0.0))[:, :2].min() > 0.5
+    assert changed(torch.where(X < 2.0, 0.2, 0.0))[:, 3:].max() == 0.0
+    aliased = torch.where((X + 2.0 * Y) % 4.0 < 2.0, 0.2, -0.2)
+    assert changed(aliased).max() == 0.0
+    firefly = torch.where((X == 6.0) & (Y == 4.0), 0.5, 0.0)
+    assert changed(firefly).max() < 0.1
+
+
+def test_missing_samples_and_those_from_off_screen_do_not_count() -> None:
+    assert changed(torch.tensor(0.2), usable=0.0).max() == 0.0
+    assert changed(torch.tensor(0.2), shift=6.0)[:, 4:].max() == 0.0
+    assert changed(torch.tensor(0.2), shift=6.0)[0, 0] == 1.0
+
+
+def test_samples_are_compared_with_the_nearest_pixel_where_they_were() -> None:
+    """A history that is a ramp: in samples of the same ramp, moved by whole samples, no light changed."""
+    x, y = torch.arange(24.0).expand(18, 24), torch.arange(18.0)[:, None].expand(18, 24)
+    history = torch.zeros(1, 3, 18, 24) + (0.2 + 0.01 * x + 0.005 * y)
+    motion = torch.tensor([1.0, -1.0])[None, :, None, None].expand(1, 2, 9, 12)
+    view = ops.View(ops.Size(24, 18), RENDER, torch.tensor([[0.25, -0.25]]))  # a pixel's centre: 2 x + 1, 2 y
+    exposed = 0.2 + 0.01 * (2.0 * X + 1.0 + 2.0) + 0.005 * (2.0 * Y - 2.0)
+    luma = ops.ycocg(ops.tone(exposed.expand(1, 3, 9, 12)))[:, :1]
+    found = RULES.change_of_light(luma, torch.ones_like(luma), motion, history, view)
+    assert found.max() == 0.0
 
 
 def lights(*contrasts: float) -> list[bool]:
@@ -114,7 +148,7 @@ def power_after(
     count, spread = plane(samples), plane(spreads)
     confirmed = torch.zeros(1, 1, 1, 1, dtype=torch.bool)
     blend = Blend(plane(0.2, 0.0, 0.0), plane(0.2), count, spread, spread, count, confirmed)
-    current = present((around, 0.1), fit)
+    current = present(around, fit)
     _, state = RULES.finish(current, remembered(luma), blend, torch.tensor([2.0]), plane(0.0))
     return float(state[0, 1])
 

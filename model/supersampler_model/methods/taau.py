@@ -4,7 +4,7 @@ Each display pixel stores a colour, the number of accumulated samples, and the s
 frame adds its samples near the pixel, weighted by distance. The sample count of the history is reduced where
 
 * the pixel is disoccluded (foreground broader than two samples was closer in the previous frame),
-* the lighting changed: the mean of a neighbourhood changed by more than jitter explains,
+* the light changed: the samples around differ from the history, in the mean, by more than aliasing explains,
 * light changes slowly while nothing moves, so that the history lags behind (`samples_kept`),
 * its colour lies outside a variance box of this frame's colours (Salvi 2016); it is then clipped to the box,
 * motion resamples it: each resampling blurs, so more blur keeps fewer samples.
@@ -19,8 +19,7 @@ would lag in a wide box, and the samples of each frame would show as a grid.
 New light ten stops over white (GLARE_EXPOSED) is shown, but accumulated only from its third consecutive frame
 on. Until then the warped history is kept. A single bright frame, and an unshaded frame extrapolated from it,
 therefore leave no trace. Darker light is treated in the same way where it raises the contrast of the whole
-frame (FLASH) and the contrast around a pixel. Where the mean around the pixel rises so far that light counts
-as changed, the history restarts instead.
+frame (FLASH). Where light counts as changed, the history restarts instead.
 """
 
 from collections.abc import Sequence
@@ -65,8 +64,8 @@ class WarpedHistory(NamedTuple):
     color: Tensor  # (1, 3, H, W) `light` in toned YCoCg
     samples: Tensor  # (1, 1, H, W) number of accumulated samples, 0 without history
     power: Tensor  # (1, 1, H, W) mean square of sample - history, toned luma, as `Taau.finish` limits it
-    shade: Tensor  # (1, 2, H, W) as in CurrentFrame
     glare: Tensor  # (1, 1, H, W) consecutive frames with light over GLARE_EXPOSED nearby, up to CONFIRMED
+    unchanged: Tensor  # (1, 1, H, W) 1 - `Taau.change_of_light`
     surface: Tensor  # (1, 1, H, W) 0 where the surface was occluded, 1 where it was visible
     speed: Tensor  # (1, 1, H, W) display pixels
     blur: Tensor  # (1, 1, H, W) of this resampling, 0 on a pixel's centre, 1 on a corner of four
@@ -115,21 +114,23 @@ class Taau(Method):
         toned, glare = ops.tone(exposed), ops.glaring(exposed, usable)
         peak, toned = ops.peak(toned), ops.ycocg(toned)
         depth, motion = ops.usable_depth(depth), ops.usable_motion(motion)
-        surface = torch.cat(
-            [ops.occluding_depth(depth, motion), shade_of(toned[:, :1] * usable, usable)], dim=1
-        )
+        surface, shade = ops.occluding_depth(depth, motion), shade_of(toned[:, :1] * usable, usable)
 
-        current = self.gather_current(toned, usable, [glare, peak], surface, grid, view)
+        current = self.gather_current(toned, usable, [glare, peak], shade, grid, view)
         closest, dilated = ops.dilate_motion_2x2(depth, motion)
+        changed = self.change_of_light(toned[:, :1], usable, dilated, history_color * exposure, view)
         closest = grid.pick_first(closest)
         vectors = grid.pick_first_vectors(ops.to_display(dilated, display, render))
         reprojection = ops.reproject(vectors, display, grid)
         exposure_before = exposed_before.abs()
         change = exposure / torch.where(exposure_before > 0.0, exposure_before, exposure)
         before = ops.View(display, ops.size_of(surface_before), jitter_before)
-        visible, shade = self.gather_surface(surface_before, before, reprojection, closest, change)
-        warped = self.gather_history(history_color, samples_before, reprojection, visible, shade, exposure)
-        next_light = light_after(light_of(surface[:, 1:3]), light, change)
+        visible = self.gather_surface(surface_before, before, reprojection, closest)
+        unchanged = 1.0 - at_pixels(changed, grid)
+        warped = self.gather_history(
+            history_color, samples_before, reprojection, visible, unchanged, exposure
+        )
+        next_light = light_after(light_of(shade), light, change)
         frame = at_rest.RestFrame(given_color, motion, jitter, exposure, reactive, adds_samples)
         blocks = at_rest.compare(frame, at_rest.RestHistory(*rest), ops.size_of(surface_before), display)
         limit = samples_kept(exposed, usable, history_color * exposure, blocks, self.config)
@@ -160,7 +161,7 @@ class Taau(Method):
         toned: Tensor,
         usable: Tensor,
         light: Sequence[Tensor],
-        surface: Tensor,
+        shade: Tensor,
         grid: ops.Grid,
         view: ops.View,
     ) -> CurrentFrame:
@@ -175,9 +176,9 @@ class Taau(Method):
         samples = torch.cat([toned, usable], dim=1)
         near = grid.upsample(samples, ops.gaussian(c.sample_sigma), view.ratio)
         near, weight = near.split_with_sizes([3, 1], dim=1)
-        fit = fit_of(toned[:, :1], usable, surface[:, 2:3])
+        fit = fit_of(toned[:, :1], usable, shade[:, 1:2])
         glare, peak = light
-        at_pixel = grid.pick(torch.cat([surface[:, 1:3], fit, ops.maximum_3x3(glare), peak], dim=1))
+        at_pixel = grid.pick(torch.cat([shade, fit, ops.maximum_3x3(glare), peak], dim=1))
         shade, fit, glare, peak = at_pixel.split_with_sizes([2, 1, 1, 1], dim=1)
         moments = plane_moments(toned, usable, fit, grid, c.moment_sigma)
         chroma = torch.where(moments.weight > MIN_WEIGHT, moments.center[:, 1:], fill)
@@ -192,16 +193,53 @@ class Taau(Method):
             glare=glare,
         )
 
+    def change_of_light(
+        self, luma: Tensor, usable: Tensor, motion: Tensor, history: Tensor, view: ops.View
+    ) -> Tensor:
+        """Return whether light changed around each cell of 2x2 samples, [0, 1].
+
+        Two samples of each cell, on its diagonal, are compared with the nearest pixels of the history where
+        they were in the previous frame. Aliasing makes samples lighter or darker, light changes them alike:
+        it changed where the mean difference over 3x3 cells is large for its deviation.
+
+        Args:
+            luma: (1, 1, h, w) toned, of the samples.
+            usable: (1, 1, h, w) 1 where a sample counts, else 0.
+            motion: (1, 2, h, w) render pixels, dilated.
+            history: (1, 3, H, W) exposed colours of the previous frame.
+            view: of this frame.
+
+        Returns:
+            (1, 1, h / 2, w / 2), sizes rounded up.
+        """
+        size, display = ops.size_of(luma), view.display
+        columns = at_rest.sample_positions(size.width, display.width, view.jitter[0, :1])
+        rows = at_rest.sample_positions(size.height, display.height, view.jitter[0, 1:])
+        across, down = ops.channels_of(motion)
+        x, y = columns + across * view.ratio[0], rows[:, None] + down * view.ratio[1]
+        on_screen = (x > -0.5) & (x < display.width - 0.5) & (y > -0.5) & (y < display.height - 0.5)
+        samples = torch.cat([x, y, luma, usable * on_screen], dim=1)
+        cells = ops.Size((size.width + 1) // 2, (size.height + 1) // 2)
+        samples, compared = ops.fit(samples, 2 * cells.width, 2 * cells.height), []
+        for step in range(2):
+            x, y, luma, counts = ops.channels_of(samples[:, :, step::2, step::2])
+            nearest = (ops.positions_of(x, y) + taau.ROUNDING).floor()
+            before = ops.ycocg(ops.tone(ops.read(history, nearest, mode="nearest")))[:, :1]
+            difference = (luma - before) * counts
+            compared.append(torch.cat([difference, difference * difference, counts], dim=1))
+        difference, square, share = ops.channels_of(0.5 * ops.blurred(compared[0] + compared[1]))
+        mean = difference / share.clamp(min=1e-6)
+        variance = (square / share.clamp(min=1e-6) - mean * mean).clamp(min=0.0)
+        noise = self.config.change_deviation * variance.sqrt() + self.config.least_change
+        return (mean.abs() / noise - 1.0).clamp(0.0, 1.0) * (share > taau.MIN_WINDOW_WEIGHT)
+
     def gather_surface(
-        self, history: Tensor, before: ops.View, reprojection: ops.Reprojection, depth: Tensor, change: Tensor
-    ) -> tuple[Tensor, Tensor]:
-        """Return the previous visibility of the surface, (1, 1, H, W), and its shade at this exposure."""
+        self, history: Tensor, before: ops.View, reprojection: ops.Reprojection, depth: Tensor
+    ) -> Tensor:
+        """Return the previous visibility of the surface, (1, 1, H, W)."""
         position, c = before.to_render(reprojection.position), self.config
-        occluded = ops.occlusion(depth, history[:, :1], position, c.depth_margin, c.depth_ramp)
-        visible = reprojection.on_screen * (1.0 - 2.0 * occluded).clamp(min=0.0)
-        mean, deviation = ops.channels_of(ops.read(history[:, 1:3], position))
-        dim = 1.0 + (change - 1.0) * mean  # c / (1 + c) at another exposure, and its slope
-        return visible, torch.cat([change * mean / dim, change * deviation / (dim * dim)], dim=1)
+        occluded = ops.occlusion(depth, history, position, c.depth_margin, c.depth_ramp)
+        return reprojection.on_screen * (1.0 - 2.0 * occluded).clamp(min=0.0)
 
     def gather_history(
         self,
@@ -209,7 +247,7 @@ class Taau(Method):
         samples: Tensor,
         reprojection: ops.Reprojection,
         visible: Tensor,
-        shade: Tensor,
+        unchanged: Tensor,
         exposure: Tensor,
     ) -> WarpedHistory:
         """Warp the history."""
@@ -222,8 +260,8 @@ class Taau(Method):
             color=ops.ycocg(ops.tone(light * exposure)),
             samples=samples,
             power=power,
-            shade=shade,
             glare=glare,
+            unchanged=unchanged,
             surface=visible,
             speed=reprojection.speed(),
             blur=reprojection.blur(),
@@ -232,10 +270,7 @@ class Taau(Method):
     def network(self, current: CurrentFrame, warped: WarpedHistory, flash: Tensor) -> Blend:
         """Compute the blend parameters by rules, in place of a network; `flash`: last of `light_after`."""
         c = self.config
-        unchanged = 1.0 - self.change_of_light(current.shade, warped.shade)
-        unknown = (warped.glare > 0.0) & (warped.glare < CONFIRMED)  # the shade has light that was not added
-        unchanged = torch.where(unknown, 1.0, unchanged)
-        spread = warped.power.sqrt() * unchanged
+        spread = warped.power.sqrt() * warped.unchanged
         moving = (warped.speed / c.gamma_speed).clamp(max=1.0)
         gamma = c.gamma_still + (c.gamma_moving - c.gamma_still) * moving
         center, variance = current.moments[:2]
@@ -243,26 +278,16 @@ class Taau(Method):
 
         inside = 1.0 - (c.forget * (ops.overshoot(warped.color, box) - 1.0)).clamp(0.0, 1.0)
         limit = c.samples / (1.0 + c.blur_cost * warped.blur * warped.blur + c.speed_cost * warped.speed)
-        holds = warped.surface * unchanged
+        holds = warped.surface * warped.unchanged
         samples = torch.minimum(warped.samples * holds * inside, limit)
         weight = current.confidence / (samples + current.confidence).clamp(min=1e-6)
         glares = (current.glare > 0.0) & (warped.glare < CONFIRMED - 1.0)
         trusted = torch.where(glares, warped.surface, holds)
         kept = torch.minimum(warped.samples * trusted, limit)
-        now, before = current.shade[:, 1:2], warped.shade[:, 1:2]
-        flashes = (flash > 1.0) | ((flash > 0.0) & exceeds(now * now, before * before))
-        unconfirmed = (glares | flashes) & (kept > taau.MIN_SAMPLES)
+        unconfirmed = (glares | (flash > 0.0)) & (kept > taau.MIN_SAMPLES)
         return Blend(
             ops.clip_to_center(warped.color, box), weight, samples, holds, trusted, kept, unconfirmed
         )
-
-    def change_of_light(self, now: Tensor, before: Tensor) -> Tensor:
-        """Return (1, 1, H, W): 1 where the mean luma around changed by more than jitter explains, else 0."""
-        c = self.config
-        moved = (now[:, :1] - before[:, :1]).abs()
-        jitter = c.change_deviation * torch.maximum(now[:, 1:2], before[:, 1:2])
-        noise = jitter + c.change_relative * torch.maximum(now[:, :1], before[:, :1]) + taau.MIN_CHANGE
-        return ((moved / noise - 1.0) / c.change_ramp).clamp(0.0, 1.0)
 
     def finish(
         self, current: CurrentFrame, warped: WarpedHistory, blend: Blend, exposure: Tensor, reactive: Tensor
@@ -295,6 +320,12 @@ class Taau(Method):
         return image, torch.where(blend.unconfirmed, torch.cat(before, dim=1), torch.cat(now, dim=1))
 
 
+def at_pixels(cells: Tensor, grid: ops.Grid) -> Tensor:
+    """Interpolate values of cells of 2x2 samples at the display pixels."""
+    x, y = (axis._replace(position=0.5 * axis.position - 0.25) for axis in (grid.x, grid.y))
+    return grid._replace(x=x, y=y).upsample(cells, ops.linear)
+
+
 def light_of(shade: Tensor) -> Tensor:
     """Return mean luma and mean square deviation over all samples of `shade_of`, (1, 2)."""
     size = ops.size_of(shade)
@@ -314,13 +345,9 @@ def light_after(light: Tensor, before: Tensor, change: Tensor) -> Tensor:
     contrasts, flashes = slope * slope * before[:, 1:3], before[:, 3:4]
     last, older = contrasts[:, :1], contrasts[:, 1:2]
     known = torch.where(flashes > 0.0, older, torch.maximum(last, older))
-    flash = (known > 0.0) & (flashes < 2.0) & exceeds(light[:, 1:2], known)
+    exceeds = light[:, 1:2] > taau.FLASH * known + taau.LEAST_FLASH
+    flash = (known > 0.0) & (flashes < 2.0) & exceeds
     return torch.cat([light, torch.maximum(last, taau.FLASH_MEMORY * older), flash * (flashes + 1.0)], dim=1)
-
-
-def exceeds(contrast: Tensor, before: Tensor) -> Tensor:
-    """Return whether a squared deviation exceeds the range that previous frames explain."""
-    return contrast > taau.FLASH * before + taau.LEAST_FLASH
 
 
 def shade_of(luma: Tensor, usable: Tensor) -> Tensor:
@@ -447,5 +474,5 @@ def plane_moments(color: Tensor, usable: Tensor, fit: Tensor, grid: ops.Grid, si
     luma = mean[:, :1] - fit * (across * x.shift + down * y.shift[:, None])
     luma_variance = (variance[:, :1] - fit * (across * across + down * down)).clamp(min=0.0)
     variance = torch.cat([luma_variance, variance[:, 1:]], dim=1)
-    variance = torch.where(weight > taau.MIN_BOX_WEIGHT, variance, 1.0)
+    variance = torch.where(weight > taau.MIN_WINDOW_WEIGHT, variance, 1.0)
     return Moments(torch.cat([luma, mean[:, 1:]], dim=1), variance, weight)

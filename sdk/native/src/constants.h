@@ -93,9 +93,9 @@ constexpr float FIT = 0.95f;
 constexpr int LAG_STEP = 2;
 constexpr float LEAST_BLOCKS = 0.125f;
 constexpr float MOST_SAMPLES = 1024.0f;
-constexpr float MIN_CHANGE = 0.004f;
+constexpr float ROUNDING = 0.501f;
 constexpr float MIN_SAMPLES = 0.001f;
-constexpr float MIN_BOX_WEIGHT = 0.5f;
+constexpr float MIN_WINDOW_WEIGHT = 0.5f;
 struct Config {
     float sample_sigma = 0.47f;
     float history_sharpness = 0.7f;
@@ -113,9 +113,8 @@ struct Config {
     float settled = 0.9f;
     float depth_margin = 0.005f;
     float depth_ramp = 0.05f;
-    float change_deviation = 0.53f;
-    float change_relative = 0.1f;
-    float change_ramp = 0.65f;
+    float change_deviation = 0.35f;
+    float least_change = 0.008f;
     float lag = 0.015f;
     float lag_deviations = 3.0f;
     float lag_samples = 0.014f;
@@ -138,8 +137,7 @@ constexpr Constant CONSTANTS[] = {
     {"depth_margin", 0.0f, 1000000.0f},
     {"depth_ramp", 0.0f, 1000000.0f},
     {"change_deviation", 0.0f, 1000000.0f},
-    {"change_relative", 0.0f, 1000000.0f},
-    {"change_ramp", 0.0f, 1000000.0f},
+    {"least_change", 0.0f, 1000000.0f},
     {"lag", 0.0f, 1000000.0f},
     {"lag_deviations", 0.0f, 1000000.0f},
     {"lag_samples", 0.0f, 1000000.0f},

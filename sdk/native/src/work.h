@@ -155,14 +155,18 @@ struct TaauWork {
     Tables tables;
     const float* history;  // (display height, display width, 5) linear RGB, samples, power
     float* next_history;
-    PreviousFrame previous;  // of four channels: occluding depth, mean and deviation of toned luma over 3x3 samples,
-                             // whether these are on a plane, [0, 1], plus 2 where one is over GLARE_EXPOSED
+    PreviousFrame previous;  // occluding depth
     float* surface;          // the same of this frame, written to
-    float* sums;             // (height, 2) sums of each row's means and squared deviations
+    float* shades;  // (height, stride, 4) of 3x3 samples: mean and deviation of toned luma, whether they are on a
+                    // plane, [0, 1], 1 where one is over GLARE_EXPOSED
+    float* cells;   // of each thread CELL_ROWS rows of cells of 2x2 samples, see `Changes`
+    int cells_across, cells_down, cells_pitch;
+    float jitter[2];
+    float* sums;  // (height, 2) sums of each row's means and squared deviations
     Target target;
     taau::Config config;
     float change;       // exposure over the previous exposure
-    float unconfirmed;  // 1 where light of this frame that raises the contrast is unconfirmed, 2 where all of it is
+    bool unconfirmed;   // whether the light of this whole frame is
     bool glares;        // whether any light may be unconfirmed
     const float* kept;  // (blocks down, kept_pitch) number of samples that are kept, by column of the display; or null
     const int32_t* kept_rows;
@@ -175,6 +179,7 @@ struct TaauWork {
     float* lines;  // of each thread, `line_pitch` apart, TAAU_LINES rows of filtered samples
     size_t line_pitch;
 };
+constexpr int CELL_ROWS = 15;
 
 struct SpatialWork {
     Samples samples;

@@ -20,7 +20,7 @@ static F fit_of(F across, F down, F deviation) {
 
 SS_INLINE F sum3(const float* at) { return load(at - 1) + load(at) + load(at + 1); }
 
-// Writes the surface, for disocclusion and lighting tests of the next frame; same as `shade_of`.
+// Writes the occluding depth, for the next frame, and what `Shade` holds; same as `shade_of` and `fit_of`.
 void taau_shade(const TaauWork& w, int y0, int y1, int thread) {
     const Samples& s = w.samples;
     float* lines = w.lines + static_cast<ptrdiff_t>(thread) * w.line_pitch + PAD;
@@ -45,7 +45,8 @@ void taau_shade(const TaauWork& w, int y0, int y1, int thread) {
             line[s.width] = line[s.width - 1];
         }
         const bool glares = s.may_glare(y - 1, y + 1);
-        float* surface = w.surface + 4 * (static_cast<ptrdiff_t>(y) * s.pitch + PAD);
+        float* surface = w.surface + static_cast<ptrdiff_t>(y) * s.pitch + PAD;
+        float* shades = w.shades + 4 * static_cast<ptrdiff_t>(y) * s.stride;
         F means = F{}, squares = F{};
         for (int x = 0; x < s.width; x += W) {
             F usable = sum3(lines + 2 * s.pitch + x), scale = 1.0f / maximum(usable, 9e-6f);
@@ -60,20 +61,126 @@ void taau_shade(const TaauWork& w, int y0, int y1, int thread) {
             }
             F fit = fit_of(load(lines + x + 1) - load(lines + x - 1), sum3(lines + 3 * s.pitch + x), deviation);
             fit = select(usable > 9.0f * FULL_WEIGHT, fit, 0.0f);
-            F values[4] = {occluding_at(s, y, x), mean, deviation, fit + 2.0f * glare};
-            store_pixels(surface + 4 * x, values);
+            F values[4] = {mean, deviation, fit, glare};
+            store_pixels(shades + 4 * x, values);
+            store(surface + x, occluding_at(s, y, x));
             I inside = ramp() + x < s.width;
             means += select(inside, mean, F{});
             squares += select(inside, deviation * deviation, F{});
         }
         w.sums[2 * y] = sum_of_lanes(means);
         w.sums[2 * y + 1] = sum_of_lanes(squares);
-        for (int x = 1; x <= PAD; x++) {
-            memcpy(surface - 4 * x, surface, 4 * sizeof(float));
-            memcpy(surface + 4 * (s.width - 1 + x), surface + 4 * (s.width - 1), 4 * sizeof(float));
-        }
+        repeat_ends(surface, s.width);
     }
 }
+
+// Change of light by cell of 2x2 samples; same as `Taau.change_of_light` of the torch module. It is computed just before
+// pixels read the same rows of the history, which then are in the cache.
+class Changes {
+   public:
+    Changes(const TaauWork& w, Rect rect, int thread)
+        : w_(w), rows_(w.cells + static_cast<ptrdiff_t>(thread) * CELL_ROWS * w.cells_pitch + PAD) {
+        const int top = max(floor_of(down_at(rect.y0)), 0);
+        first_ = max(floor_of(across_at(rect.x0)) - 1, 0) / W * W;
+        last_ = min(floor_of(across_at(rect.x1 - 1)) + 3, w.cells_across);
+        summed_ = max(top - 1, 0), changed_ = top;
+    }
+
+    // Interpolates to a row of pixels, below the last one.
+    void enter(int y) {
+        const float down = down_at(y);
+        const int top = floor_of(down), last = w_.cells_down - 1, below = min(top + 1, last);
+        for (; changed_ <= below; changed_++) {
+            for (; summed_ <= min(changed_ + 1, last); summed_++) sum(summed_);
+            change(changed_);
+        }
+        const float *upper = row(CHANGE, max(top, 0)), *lower = row(CHANGE, below);
+        for (int x = first_; x < last_; x += W)
+            store(row(LINE, 0) + x, lerp(load(upper + x), load(lower + x), spread(down - static_cast<float>(top))));
+        repeat_ends(row(LINE, 0), w_.cells_across);
+    }
+
+    // The change at W pixels from x on.
+    F at(int x) const {
+        const F across = (to_float(ramp() + x) + 0.5f) * step(0) - shift(0), whole = floor(across);
+        const I cell = to_int(whole);
+        const float* left = row(LINE, 0) + cell[0];
+        const I places = cell - cell[0];
+        return lerp(permuted(load(left), places), permuted(load(left + 1), places), across - whole);
+    }
+
+   private:
+    // Rows of cells: of the two compared samples, the sum of differences from the history, of their squares, and their
+    // number; the change; the change interpolated between rows.
+    enum Plane { DIFFERENCE, SQUARE, COUNT, CHANGE, LINE };
+    float* row(int plane, int y) const { return rows_ + (3 * plane + y % 3) * w_.cells_pitch; }
+
+    static int floor_of(float position) { return static_cast<int>(position + 1.0f) - 1; }  // of positions over -1
+    float step(int axis) const {
+        const Axis& a = axis ? w_.tables.y : w_.tables.x;
+        return 0.5f * static_cast<float>(a.samples) / static_cast<float>(a.pixels);
+    }
+    float shift(int axis) const { return 0.5f * (1.0f + w_.jitter[axis]); }
+    float across_at(int x) const { return (static_cast<float>(x) + 0.5f) * step(0) - shift(0); }
+    float down_at(int y) const { return (static_cast<float>(y) + 0.5f) * step(1) - shift(1); }
+
+    void sum(int y) const {
+        for (int x = first_; x < last_; x += W) {
+            F sums[COUNT + 1] = {};
+            for (int k = 0; k < 2; k++) compare(2 * x, min(2 * y + k, w_.samples.height - 1), k, sums);
+            for (int plane = DIFFERENCE; plane <= COUNT; plane++) store(row(plane, y) + x, sums[plane]);
+        }
+        for (int plane = DIFFERENCE; plane <= COUNT; plane++) repeat_ends(row(plane, y), w_.cells_across);
+    }
+
+    // Compares every second sample of a row, from x + k on, with the nearest pixel of the history where it was.
+    void compare(int x, int y, int k, F (&sums)[COUNT + 1]) const {
+        const Samples& s = w_.samples;
+        const Size display = {w_.target.width, w_.target.height};
+        const I column = minimum(ramp() * 2 + (x + k), s.width - 1);
+        alignas(ss::LINE) int32_t places[LANES];
+        F dilated[4], before[4];
+        store(places, column);
+        gather4(fours_row(s, s.dilated, y), places, 4, dilated);
+        const F px = (to_float(column) + (0.5f + w_.jitter[0]) + dilated[1]) * (0.5f / step(0)) - 0.5f;
+        const F py = (dilated[2] + (static_cast<float>(y) + 0.5f + w_.jitter[1])) * (0.5f / step(1)) - 0.5f;
+        const I across = clamped(to_int(floor(px + ROUNDING)), 0, display.width - 1);
+        const I down = clamped(to_int(floor(py + ROUNDING)), 0, display.height - 1);
+        store(places, down * display.width + across);
+        gather4(w_.history, places, 5, before);
+        auto own = [&](int plane) __attribute__((always_inline)) {
+            const float* at = sample_row(s, y, plane) + x;
+            return k ? odds(load(at), load(at + W)) : evens(load(at), load(at + W));
+        };
+        const F counts = select(on_screen(px, py, display), own(USABLE), 0.0f);
+        const F luma = ycocg(tone(F3{before[0], before[1], before[2]} * s.exposure)).r;
+        const F difference = (own(LUMA) - luma) * counts;
+        sums[DIFFERENCE] += difference;
+        sums[SQUARE] += difference * difference;
+        sums[COUNT] += counts;
+    }
+
+    void change(int y) const {
+        const int rows[] = {max(y - 1, 0), y, min(y + 1, w_.cells_down - 1)};
+        for (int x = first_; x < last_; x += W) {
+            auto sum = [&](int plane) __attribute__((always_inline)) {
+                F total = F{};
+                for (int near : rows) total += sum3(row(plane, near) + x);
+                return total;
+            };
+            const F count = sum(COUNT), scale = 1.0f / maximum(count, 1.8e-5f), mean = sum(DIFFERENCE) * scale;
+            const F deviation = square_root(maximum(sum(SQUARE) * scale - mean * mean, 0.0f));
+            const F noise = deviation * w_.config.change_deviation + w_.config.least_change;
+            const F found = clamped(absolute(mean) / noise - 1.0f, 0.0f, 1.0f);
+            store(row(CHANGE, y) + x, select(count > 18.0f * MIN_WINDOW_WEIGHT, found, 0.0f));
+        }
+    }
+
+    const TaauWork& w_;
+    float* rows_;
+    int first_, last_;      // columns of cells
+    int summed_, changed_;  // the next rows
+};
 
 // This frame at display pixels, toned YCoCg; same as `CurrentFrame` of the torch module.
 struct CurrentFrame {
@@ -97,7 +204,7 @@ static CurrentFrame current_frame(const TaauWork& w, const float* lines, const P
     c.sample = ycocg(rgb(OF_SAMPLE, BY_SAMPLE) * (1.0f / maximum(near, 1e-6f)));
     c.confidence = minimum(near, 1.0f);
     F usable = across(OF_MEAN_USABLE, BY_MEAN), scale = 1.0f / maximum(usable, 1e-6f);
-    I known = usable > MIN_BOX_WEIGHT;
+    I known = usable > MIN_WINDOW_WEIGHT;
     c.found = usable > MIN_WEIGHT;
     F3 mean = rgb(OF_MEAN, BY_MEAN) * scale, square = rgb(OF_MEAN + 3, BY_MEAN) * scale;
     F slope_x = across(OF_MEAN, BY_SLOPE), slope_y = across(OF_SLOPE, BY_MEAN);
@@ -110,17 +217,10 @@ static CurrentFrame current_frame(const TaauWork& w, const float* lines, const P
     return c;
 }
 
-// 1 where the mean luma of a neighbourhood changed by more than jitter explains, in [0, 1].
-static F change_of_light(const Config& n, F mean, F deviation, F mean_before, F deviation_before) {
-    F noise = maximum(deviation, deviation_before) * n.change_deviation +
-              maximum(mean, mean_before) * n.change_relative + MIN_CHANGE;
-    return clamped((absolute(mean - mean_before) / noise - 1.0f) / n.change_ramp, 0.0f, 1.0f);
-}
-
-// The surface at W pixels; motion in display pixels. mean, deviation, fit: of luma in 3x3 samples, see `taau_shade`;
-// glare: 1 where this frame has light over GLARE_EXPOSED nearby.
+// The surface at W pixels; motion in display pixels. mean, fit: of luma in 3x3 samples, see `taau_shade`; glare: 1 where
+// this frame has light over GLARE_EXPOSED nearby.
 struct Surface {
-    F depth, motion_x, motion_y, mean, deviation, fit, glare;
+    F depth, motion_x, motion_y, mean, fit, glare;
 };
 
 // The history at W pixels.
@@ -128,8 +228,7 @@ struct PixelHistory {
     F3 color, light;   // toned YCoCg; the same, linear RGB
     F samples, power;  // number of samples; mean square of sample - history, toned luma, which also holds the glare
     F surface;         // 0 where the surface was occluded in the previous frame, 1 where it was visible
-    F unchanged;       // 1 - `change_of_light`
-    F flash;           // 1 where the light of this frame is unconfirmed
+    F unchanged;       // 1 - `Taau.change_of_light`
 };
 
 struct Blended {
@@ -147,13 +246,10 @@ SS_INLINE Blended blend(const TaauWork& w, const Surface& here, const Reprojecte
     // of the resampling: 0 on a pixel's centre, 1 on a corner of four
     const F tx = at.x - floor(at.x), ty = at.y - floor(at.y), blur = (tx * (1.0f - tx) + ty * (1.0f - ty)) * 2.0f;
     F gamma = minimum(speed * (1.0f / n.gamma_speed), 1.0f) * (n.gamma_moving - n.gamma_still) + n.gamma_still;
-    F power = past.power, warped_glare = F{}, unchanged = past.unchanged;
-    if (w.glares) {
-        warped_glare = without_glare(power);
-        unchanged = select((warped_glare > 0.0f) & (warped_glare < CONFIRMED), 1.0f, unchanged);
-    }
+    F power = past.power, warped_glare = F{};
+    if (w.glares) warped_glare = without_glare(power);
     F spread_over_time = square_root(power);
-    F floor = spread_over_time * unchanged * n.gamma_time;
+    F floor = spread_over_time * past.unchanged * n.gamma_time;
     auto excess = [&](F value, F center, F deviation) {
         return absolute(value - center) / maximum(deviation * gamma + floor, 1e-5f);
     };
@@ -163,7 +259,7 @@ SS_INLINE Blended blend(const TaauWork& w, const Surface& here, const Reprojecte
     F3 rectified = lerp(now.center, past.color, 1.0f / maximum(overshoot, 1.0f));
     F inside = 1.0f - clamped((overshoot - 1.0f) * n.forget, 0.0f, 1.0f);
     F limit = n.samples / (blur * blur * n.blur_cost + speed * n.speed_cost + 1.0f);
-    F holds = past.surface * unchanged;
+    F holds = past.surface * past.unchanged;
     F samples = minimum(past.samples * holds * inside, limit);
     F weight = now.confidence / maximum(samples + now.confidence, 1e-6f);
     I known = samples > MIN_SAMPLES;
@@ -193,7 +289,7 @@ SS_INLINE Blended blend(const TaauWork& w, const Surface& here, const Reprojecte
         F glares = select(warped_glare < CONFIRMED - 1.0f, here.glare, 0.0f);
         F trusted = select(glares > 0.0f, past.surface, holds);
         F kept = minimum(past.samples * trusted, limit);
-        I adds_sample = select(maximum(glares, past.flash) > 0.0f, kept, 0.0f) <= MIN_SAMPLES;
+        I adds_sample = w.unconfirmed ? kept <= MIN_SAMPLES : select(glares > 0.0f, kept, 0.0f) <= MIN_SAMPLES;
         b.next_color = select(adds_sample, b.color, past.light);
         b.next_power = select(adds_sample, b.next_power + here.glare * (GLARE * CONFIRMED),
                               trusted * power + minimum(warped_glare + here.glare, CONFIRMED) * GLARE);
@@ -228,9 +324,9 @@ static void write_history(float* pixels, int width, int y, int x, int end, const
 // A row of the image: what it reads.
 struct TaauRow {
     int y;
-    float scale_x, scale_y;           // display size / render size
-    const float *dilated, *surfaces;  // of samples: dilated motion, and what `taau_shade` wrote
-    const float* lines;               // filtered down
+    float scale_x, scale_y;         // display size / render size
+    const float *dilated, *shades;  // of samples: dilated motion, and what `taau_shade` wrote
+    const float* lines;             // filtered down
 };
 
 static TaauRow row_of(const TaauWork& w, Span span, int y, int thread) {
@@ -248,7 +344,7 @@ static TaauRow row_of(const TaauWork& w, Span span, int y, int thread) {
             static_cast<float>(w.target.width) / static_cast<float>(s.width),
             static_cast<float>(w.target.height) / static_cast<float>(s.height),
             fours_row(s, s.dilated, ay.clamped(ay.start[y])),
-            w.surface + 4 * (static_cast<ptrdiff_t>(ay.nearest[y]) * s.pitch + PAD),
+            w.shades + 4 * static_cast<ptrdiff_t>(ay.nearest[y]) * s.stride,
             lines};
 }
 
@@ -256,39 +352,25 @@ SS_INLINE Surface surface_at(const TaauWork& w, const TaauRow& row, int x, WarpS
     const Axis& ax = w.tables.x;
     F dilated[4], around[4];
     load_dilated(row.dilated, ax, w.samples.width, x, scratch, dilated);
-    gather4(row.surfaces, ax.nearest + x, 4, around);
-    const F glare = select(around[3] > 1.5f, 1.0f, F{});
-    return {
-        dilated[0], dilated[1] * row.scale_x, dilated[2] * row.scale_y, around[1], around[2], around[3] - 2.0f * glare,
-        glare};
+    gather4(row.shades, ax.nearest + x, 4, around);
+    return {dilated[0], dilated[1] * row.scale_x, dilated[2] * row.scale_y, around[0], around[2], around[3]};
 }
 
-// Reads visibility and light of the surface in the previous frame.
-SS_INLINE void compare_surface(const TaauWork& w, const Surface& here, const Reprojected& at, PixelHistory& past) {
+// Visibility of the surface in the previous frame, [0, 1].
+SS_INLINE F visibility(const TaauWork& w, F depth, const Reprojected& at) {
     const PreviousFrame& p = w.previous;
     const Previous previous = previous_of(p, at.x, at.y, {w.target.width, w.target.height});
     LinearTaps taps(previous.x, previous.y, p.width, p.height, p.pitch);
-    F a[4][4];
-    gather4(p.plane, taps.upper, 4, a[0]);
-    gather4(p.plane + 4, taps.upper, 4, a[1]);
-    gather4(p.plane, taps.lower, 4, a[2]);
-    gather4(p.plane + 4, taps.lower, 4, a[3]);
-    const F depths[4] = {a[0][0], a[1][0], a[2][0], a[3][0]}, means[4] = {a[0][1], a[1][1], a[2][1], a[3][1]};
-    const F deviations[4] = {a[0][2], a[1][2], a[2][2], a[3][2]};
-    const F occluded = occlusion(here.depth, depths, taps.weight, w.config.depth_margin, w.config.depth_ramp);
-    past.surface = select(at.on, maximum(1.0f - occluded * 2.0f, 0.0f), 0.0f);
-    F mean = mean_of(means, taps.weight), deviation = mean_of(deviations, taps.weight);
-    const F dim = 1.0f / (mean * (w.change - 1.0f) + 1.0f);
-    mean = mean * w.change * dim;
-    deviation = deviation * w.change * dim * dim;
-    past.unchanged = 1.0f - change_of_light(w.config, here.mean, here.deviation, mean, deviation);
-    past.flash = spread(w.unconfirmed);
-    if (w.unconfirmed == 1.0f)
-        past.flash = select(here.deviation * here.deviation > deviation * deviation * FLASH + LEAST_FLASH, 1.0f, F{});
+    F upper[4], lower[4];  // of the left sample and the right one
+    gather4(p.plane, taps.upper, 1, upper);
+    gather4(p.plane, taps.lower, 1, lower);
+    const F depths[4] = {upper[0], upper[1], lower[0], lower[1]};
+    const F occluded = occlusion(depth, depths, taps.weight, w.config.depth_margin, w.config.depth_ramp);
+    return select(at.on, maximum(1.0f - occluded * 2.0f, 0.0f), 0.0f);
 }
 
-SS_INLINE PixelHistory history_at(const TaauWork& w, const Surface& here, const Reprojected& at, int y, int x,
-                                  WarpScratch& scratch) {
+SS_INLINE PixelHistory history_at(const TaauWork& w, const Changes& changes, const Surface& here, const Reprojected& at,
+                                  int y, int x, WarpScratch& scratch) {
     prepare_warp(at.x, at.y, {w.target.width, w.target.height}, 5, w.config.history_sharpness, scratch);
     warp5(w.history, scratch);
     F sharp[4], linear[4];
@@ -301,7 +383,8 @@ SS_INLINE PixelHistory history_at(const TaauWork& w, const Surface& here, const 
     past.power = linear[3];
     if (w.kept)
         past.samples = minimum(past.samples, load(w.kept + w.kept_rows[y] * static_cast<ptrdiff_t>(w.kept_pitch) + x));
-    compare_surface(w, here, at, past);
+    past.surface = visibility(w, here.depth, at);
+    past.unchanged = 1.0f - changes.at(x);
     return past;
 }
 
@@ -310,13 +393,15 @@ void taau_rows(const TaauWork& w, Rect rect, int thread) {
     const Size display = {w.target.width, w.target.height};
     WarpScratch& scratch = w.scratch[thread];
     const Span span(w.tables.x, rect.x0, rect.x1);
+    Changes changes(w, rect, thread);
     for (int y = rect.y0; y < rect.y1; y++) {
+        changes.enter(y);
         const TaauRow row = row_of(w, span, y, thread);
         for (int x = rect.x0; x < rect.x1; x += W) {
             const Places places(w.tables.x.start, x);
             const Surface here = surface_at(w, row, x, scratch);
             const Reprojected at = reproject(x, y, here.motion_x, here.motion_y, display);
-            const PixelHistory past = history_at(w, here, at, y, x, scratch);
+            const PixelHistory past = history_at(w, changes, here, at, y, x, scratch);
             const CurrentFrame now = current_frame(w, row.lines, places, y, x, here.fit);
             auto upsampled = [&] {
                 F3 frame = now.center;

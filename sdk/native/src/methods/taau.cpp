@@ -22,6 +22,10 @@ static bool make_buffers(const Model& model, StepBuffers& buffers) {
     TaauWork* work = buffers.arena.take<TaauWork>(1);
     if (!work) return false;
     work->sums = buffers.rows_of_samples(1, 2);
+    work->shades = buffers.rows_of_samples(4, buffers.samples.stride);
+    work->cells_across = divided_up(buffers.render.width, 2), work->cells_down = divided_up(buffers.render.height, 2);
+    work->cells_pitch = up_to(work->cells_across, LANES) + 2 * PAD;
+    work->cells = buffers.arena.take<float>(static_cast<size_t>(CELL_ROWS) * work->cells_pitch * model.pool.threads());
     work->line_pitch = static_cast<size_t>(LINES) * buffers.samples.pitch + LANES;
     work->lines = buffers.arena.take<float>(work->line_pitch * model.pool.threads());
     const Size blocks = blocks_of(buffers.render);
@@ -124,15 +128,16 @@ static ss_status compute(Step& step) {
     work.history = step.before.plane(0), work.next_history = step.after.plane(0);
     work.previous = previous_frame(step.before, 1);
     work.surface = step.after.plane(1);
+    memcpy(work.jitter, step.frame.jitter, sizeof work.jitter);
     work.scratch = step.buffers.warps;
     work.change = step.before.exposure != 0.0f
                       ? s.exposure / (step.before.exposure < 0.0f ? -step.before.exposure : step.before.exposure)
                       : 1.0f;
     step.workers().run_rows(s.height, [&](int y0, int y1, int thread) { kernels.taau_shade(work, y0, y1, thread); });
     write_light(step, work);
-    work.unconfirmed = step.after.values[3];
-    if (work.unconfirmed > 0.0f) step.after.glares |= step.before.glares;  // pixels keep their counts
-    work.glares = work.unconfirmed > 0.0f || step.after.glares || step.before.glares;
+    work.unconfirmed = step.after.values[3] > 0.0f;
+    if (work.unconfirmed) step.after.glares |= step.before.glares;  // pixels keep their counts
+    work.glares = work.unconfirmed || step.after.glares || step.before.glares;
     limit_samples(step, work);
     step.clock.enter(SS_FINISH);
     run_tiles(step, computed_tiles(step), TILE, step.buffers.display,
@@ -143,10 +148,10 @@ static ss_status compute(Step& step) {
 static constexpr Layout LAYOUT = {
     .planes = 2,
     .tensors = 10,
-    .plane = {{Extent::DISPLAY, 5, false}, {Extent::SAMPLES, 4, false}},
+    .plane = {{Extent::DISPLAY, 5, false}, {Extent::SAMPLES, 1, false}},
     .tensor = {{"color", 3, 0, 0},
                {"samples", 2, 0, 3},
-               {"surface", 3, 1, 0},
+               {"surface", 1, 1, 0},
                {"jitter", 2, OF_JITTER, 0},
                {"exposure", 1, OF_EXPOSURE, 0},
                {"light", 4, OF_VALUES, 0},

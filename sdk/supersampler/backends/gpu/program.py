@@ -144,7 +144,7 @@ FRAME_MEMORY: Mapping[str, gpu.PixelMemory] = {
 def frame_passes(surface: str) -> tuple[PassSpec, ...]:
     """Return the passes that find static blocks and frozen tiles, and preprocess the samples.
 
-    `surface`, "depth" or "shade", selects the property of samples that the last pass stores.
+    `surface`, "depth" or "occluding", selects the property of samples that the last pass stores.
     """
     blocks = "next_state", "block_marks", "history_blocks", "history_signatures", "next_signatures"
     return (

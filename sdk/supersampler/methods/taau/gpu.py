@@ -6,20 +6,17 @@ from supersampler.backends.gpu import program
 from supersampler.backends.gpu.history import PIXELS, Codec, HistoryLayout, HistoryPlane, Packed, of_plane
 from supersampler.backends.gpu.memory import BLOCKS, ONE, PixelTexture
 from supersampler.frame import Float32
-from supersampler.io.display import MAX_HALF
 from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.spec import constants_of
 from supersampler.methods.taau.spec import TAAU
 
 
-def _unpack_surface(words: Packed) -> Float32:
-    shade = np.ascontiguousarray(words[..., 1:]).view(np.float16)
-    return np.concatenate([words[..., :1].view(np.float32), shade], -1, dtype=np.float32)
+def _unpack_depth(words: Packed) -> Float32:
+    return np.ascontiguousarray(words).view(np.float32)
 
 
-def _pack_surface(pixels: Float32) -> Packed:
-    shade = np.ascontiguousarray(pixels[..., 1:3]).clip(0.0, MAX_HALF).astype(np.float16).view(np.uint32)
-    return np.concatenate([np.ascontiguousarray(pixels[..., :1]).view(np.uint32), shade], -1)
+def _pack_depth(pixels: Float32) -> Packed:
+    return np.ascontiguousarray(pixels[..., :1]).view(np.uint32)
 
 
 LAYOUT = HistoryLayout(
@@ -27,13 +24,13 @@ LAYOUT = HistoryLayout(
     {
         "pixels": PIXELS,
         "power": HistoryPlane("samples", 1, None),
-        "surface": HistoryPlane("surface", 2, "rg32uint", Codec(_unpack_surface, _pack_surface)),
+        "surface": HistoryPlane("surface", 1, "r32uint", Codec(_unpack_depth, _pack_depth)),
         **program.REST_PLANES,
     },
     {
         "color": of_plane("pixels", 0, 1, 2),
         "samples": (("pixels", 3), ("power", 0)),
-        "surface": of_plane("surface", 0, 1, 2),
+        "surface": of_plane("surface", 0),
         **program.REST_CHANNELS,
     },
 )
@@ -43,7 +40,7 @@ def taau_program(info: ModelInfo) -> program.GpuProgram:
     """Return the GPU program of a `taau` model."""
     constants = {name: info.config[name] for name in constants_of(TAAU)}
     passes = (
-        *program.frame_passes("shade"),
+        *program.frame_passes("occluding"),
         program.PassSpec("light", ONE, (1, 1)),
         program.PassSpec(
             "lag",

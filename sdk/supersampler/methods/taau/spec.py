@@ -19,12 +19,13 @@ LAG_STEP, LEAST_BLOCKS, MOST_SAMPLES = 2, 0.125, 1024.0
 """Distance, along an axis, of samples that are compared for the lag; minimum fraction of a window's blocks
 that must be comparable; number of samples that does not limit the history."""
 
-MIN_CHANGE = 0.004
-"""Change of toned luma that is always tolerated: one step of an 8-bit image."""
+ROUNDING = 0.501
+"""Added to positions that are then rounded down: all backends round up those half way between two pixels,
+which a jitter of 1/6 yields at a ratio of 1.5."""
 MIN_SAMPLES = 1e-3
 """Number of samples below which the history is not used."""
-MIN_BOX_WEIGHT = 0.5
-"""Minimum fraction of valid samples in the window of the variance box."""
+MIN_WINDOW_WEIGHT = 0.5
+"""Minimum fraction of valid samples in the windows of the variance box and of the change of light."""
 
 
 @dataclass(frozen=True)
@@ -65,12 +66,12 @@ class TaauConfig:
     """Relative depth by which the history must be closer before disocclusion begins."""
     depth_ramp: Number = 0.05
     """Further relative depth at which disocclusion is complete."""
-    change_deviation: Number = 0.53
-    """The lighting has changed if the mean differs by more than this many standard deviations ..."""
-    change_relative: Number = 0.1
-    """... plus this fraction of the mean."""
-    change_ramp: Number = 0.65
-    """Excess, relative to that threshold, at which the change is complete."""
+    change_deviation: Number = 0.35
+    """The light has changed if the mean difference of samples and history, in toned luma, is more than this
+    many standard deviations ..."""
+    least_change: Number = 0.008
+    """... plus this; the change is complete at twice that. If an eighth of a window changes, as at the edge
+    of a shadow, the mean is 0.38 deviations; in steady light, 18 independent samples have one of 0.24."""
     lag: Number = 0.015
     """Tolerated mean difference of a window's samples from the history, relative to the history ..."""
     lag_deviations: Number = 3.0
@@ -87,7 +88,7 @@ TAAU = register(
         history={
             "color": (1, 3, *DISPLAY),  # linear RGB
             "samples": (1, 2, *DISPLAY),  # count; mean square of sample - history in toned luma, plus GLARE
-            "surface": (1, 3, *PREVIOUS),  # occluding depth, mean and deviation of toned luma
+            "surface": (1, 1, *PREVIOUS),  # occluding depth
             "jitter": (1, 2),  # of `surface`
             "exposure": (1,),  # see `followed_exposure`; 0: none yet
             "light": (1, 4),  # mean luma, mean local variance, previous frames' variance, successive flashes

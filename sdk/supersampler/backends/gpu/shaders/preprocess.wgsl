@@ -177,7 +177,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: ve
         if (next_state.rests > 0.0) {
             keep_surface(p);
         } else {
-            store_surface(p, depth_near(p, origin), occluding(p, origin), shaded.xy);
+            store_surface(p, depth_near(p, origin), occluding(p, origin));
         }
         shades[index] = vec2f(shaded.x, shaded.y * shaded.y);
     }

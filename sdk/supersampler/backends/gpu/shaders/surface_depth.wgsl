@@ -3,7 +3,7 @@
 @group(0) @binding(4) var next_surface: texture_storage_2d<rg32float, write>;
 @group(0) @binding(7) var history_surface: texture_2d<f32>;   // of static blocks
 
-fn store_surface(p: vec2i, depth: f32, occluding: f32, shade: vec2f) {
+fn store_surface(p: vec2i, depth: f32, occluding: f32) {
     textureStore(next_surface, p, vec4f(depth, occluding, 0.0, 0.0));
 }
 

@@ -6,17 +6,16 @@
 // import motion
 // import disocclusion
 // import variance_box
-// import contrast
 // import edges
 // import dilated
+// import changes
 // import tiles
 // import show
 
-@group(0) @binding(1) var<storage, read> history_state: State;
 @group(0) @binding(2) var<storage, read> next_state: State;
 @group(0) @binding(3) var samples: texture_2d<f32>;
 @group(0) @binding(4) var dilated: texture_2d<u32>;
-@group(0) @binding(5) var history_surface: texture_2d<u32>;    // see surface_shade.wgsl
+@group(0) @binding(5) var history_surface: texture_2d<u32>;    // occluding depth
 @group(0) @binding(7) var history_pixels: texture_2d<u32>;     // linear RGB, number of samples
 @group(0) @binding(8) var<storage, read> history_power: array<f32>;
 @group(0) @binding(9) var next_pixels: texture_storage_2d<rg32uint, write>;
@@ -46,8 +45,8 @@ struct Warped {           // the history
     color: vec3f,         // toned YCoCg
     samples: f32,
     power: f32,           // mean square of sample - history
-    shade: vec2f,
     glare: f32,           // consecutive frames with glare nearby
+    unchanged: f32,       // 0 where light changed
     surface: f32,         // 0 where disoccluded
     speed: f32,
     blur: f32,
@@ -114,7 +113,7 @@ fn gather_current(p: vec2i) -> Current {
         min(near.w, 1.0),
         center,
         moment.w > MIN_WEIGHT,
-        select(vec3f(1.0), variance, moment.w > MIN_BOX_WEIGHT),
+        select(vec3f(1.0), variance, moment.w > MIN_WINDOW_WEIGHT),
         fit,
         shade,
         glares_in(alpha),
@@ -132,11 +131,6 @@ fn frame_alone(p: vec2i, now: Current) -> vec3f {
 
 fn occluding_at(p: vec2i) -> f32 { return bitcast<f32>(textureLoad(history_surface, p, 0).x); }
 
-// Mean and deviation of luma around a sample of the previous frame.
-fn shade_at(p: vec2i) -> vec2f {
-    return unpack2x16float(textureLoad(history_surface, clamped(p, previous_size()), 0).y);
-}
-
 fn power_at(p: vec2i) -> f32 { return history_power[index_of(clamped(p, display_size()), display_size())]; }
 
 fn gather_history(p: vec2i) -> Warped {
@@ -144,12 +138,6 @@ fn gather_history(p: vec2i) -> Warped {
     let there = reproject(p, closest.motion);
     let at = previous_render_position(there.at, next_state.previous_jitter);
     let same = select(0.0, visibility(closest.depth, at, DEPTH_MARGIN, DEPTH_RAMP), there.on_screen);
-    let change = exposure_change(history_state, next_state);
-    let s = fract(at);
-    let first = vec2i(floor(at));
-    let shade = mix(mix(shade_at(first), shade_at(first + vec2i(1, 0)), s.x),
-                    mix(shade_at(first + vec2i(0, 1)), shade_at(first + vec2i(1, 1)), s.x), s.y);
-    let dim = 1.0 + (change - 1.0) * shade.x;   // c / (1 + c) at another exposure, and its slope
     let history = resample(history_pixels, there.at, HISTORY_SHARPNESS);
     let light = sanitize(history.cubic.rgb);
     let t = fract(there.at);
@@ -161,18 +149,11 @@ fn gather_history(p: vec2i) -> Warped {
         ycocg(tone(light * exposure_of(next_state))),
         min(history.linear.w, textureLoad(kept_samples, block_of(p, image_size()), 0).x),
         without_glare(power),
-        vec2f(change * shade.x / dim, change * shade.y / (dim * dim)),
         glare_of(power),
+        1.0 - change_at(p),
         same,
         length(there.motion),
         2.0 * (t.x * (1.0 - t.x) + t.y * (1.0 - t.y)));
-}
-
-// 1 where the mean luma of a neighbourhood changed by more than jitter explains.
-fn change_of_light(now: vec2f, before: vec2f) -> f32 {
-    let jitter = CHANGE_DEVIATION * max(now.y, before.y);
-    let noise = jitter + CHANGE_RELATIVE * max(now.x, before.x) + MIN_CHANGE;
-    return clamp((abs(now.x - before.x) / noise - 1.0) / CHANGE_RAMP, 0.0, 1.0);
 }
 
 struct Blend {
@@ -186,24 +167,19 @@ struct Blend {
 }
 
 fn decide(now: Current, before: Warped) -> Blend {
-    let unknown = before.glare > 0.0 && before.glare < CONFIRMED;   // its shade has light that was not accumulated
-    let unchanged = select(1.0 - change_of_light(now.shade, before.shade), 1.0, unknown);
-    let spread = sqrt(before.power) * unchanged;
+    let spread = sqrt(before.power) * before.unchanged;
     let gamma = GAMMA_STILL + (GAMMA_MOVING - GAMMA_STILL) * min(before.speed / GAMMA_SPEED, 1.0);
     let reach = gamma * sqrt(now.variance) + GAMMA_TIME * spread;
     let box = Box(now.center - reach, now.center + reach);
     let within = 1.0 - clamp(FORGET * (overshoot(before.color, box) - 1.0), 0.0, 1.0);
     let limit = SAMPLES / (1.0 + BLUR_COST * before.blur * before.blur + SPEED_COST * before.speed);
-    let holds = before.surface * unchanged;
+    let holds = before.surface * before.unchanged;
     let count = min(before.samples * holds * within, limit);
     let weight = now.confidence / max(count + now.confidence, 1e-6);
     let glares = now.glares && before.glare < CONFIRMED - 1.0;
     let trusted = select(holds, before.surface, glares);
     let kept = min(before.samples * trusted, limit);
-    let flash = next_state.light.w;
-    let brighter = exceeds(now.shade.y * now.shade.y, before.shade.y * before.shade.y);
-    let flashes = flash > 1.0 || (flash > 0.0 && brighter);
-    let unconfirmed = (glares || flashes) && kept > MIN_SAMPLES;
+    let unconfirmed = (glares || next_state.light.w > 0.0) && kept > MIN_SAMPLES;
     return Blend(clip_to_center(before.color, box), weight, count, holds, trusted, kept, unconfirmed);
 }
 
@@ -270,6 +246,9 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(global_invocation_id) id: 
         return;
     }
     load_samples(origin, i32(thread));
+    compare_cells(origin, i32(thread));
+    workgroupBarrier();
+    find_changes(i32(thread));
     workgroupBarrier();
     if (inside(p, display_size())) { blend(p, rests(tile)); }
 }

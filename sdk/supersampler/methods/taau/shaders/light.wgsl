@@ -1,7 +1,6 @@
 // Whether the light of this whole frame is unconfirmed. Same as `light_after`.
 // import params
 // import state
-// import contrast
 
 const THREADS = 256u;
 
@@ -26,12 +25,18 @@ fn main(@builtin(local_invocation_index) thread: u32) {
     }
 }
 
+// Ratio of the exposures of this frame and the previous one; 1 without one.
+fn exposure_change(before: State, now: State) -> f32 {
+    let known = exposure_of(before);
+    return exposure_of(now) / select(exposure_of(now), known, known > 0.0);
+}
+
 fn light_after(light_now: vec2f, before: vec4f, change: f32) -> vec4f {
     let dim = 1.0 + (change - 1.0) * before.x;
     let slope = change / (dim * dim);
     let contrasts = slope * slope * before.yz;
     let flashes = before.w;
     let known = select(max(contrasts.x, contrasts.y), contrasts.y, flashes > 0.0);
-    let flash = known > 0.0 && flashes < 2.0 && exceeds(light_now.y, known);
+    let flash = known > 0.0 && flashes < 2.0 && light_now.y > FLASH * known + LEAST_FLASH;
     return vec4f(light_now, max(contrasts.x, FLASH_MEMORY * contrasts.y), select(0.0, flashes + 1.0, flash));
 }
