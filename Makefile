@@ -24,7 +24,7 @@
 # make vtk-cpp  examples/vtk_cpp with Debian's libvtk9-dev, xvfb and xauth
 # make webgpu  exported shaders in Node with Dawn, from npm
 # make web     the page of `demo --web` in Chromium (Debian's chromium, or SUPERSAMPLER_CHROMIUM), with three.js from npm; then:
-# make three   the node for three.js beside three.js' own ones: a record, and table and picture in docs/tutorials/web.md
+# make three   the node for three.js beside three.js' own ones: a record, and table and figure in docs/tutorials/web.md
 # make cpp   examples/cpp_onnxruntime, compiled and run on the whole shipped shot; fetches headers from Debian
 # PYTHON=python3.12 chooses the interpreter of new environments. On Windows: the pip lines in README.md.
 PYTHON ?= python3

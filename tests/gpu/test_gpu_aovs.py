@@ -78,6 +78,16 @@ def test_a_history_of_aovs_follows_motion_and_fills_in_for_missing_samples() -> 
     np.testing.assert_allclose(second[:, 6:], first[:, 2:-4], atol=1e-4)
 
 
+def test_a_channel_that_begins_with_missing_samples_takes_the_first_ones() -> None:
+    upscaler, size = make("taa", display=(40, 24)), (20, 12)
+    aovs = np.full((12, 20, 1), 0.8, np.float32)
+    for index in range(4):
+        given = aovs if index > 1 else np.where(np.arange(20)[:, None] < 10, np.float32(np.nan), aovs)
+        blended = aovs_of(upscaler, noise(index, size, aovs=given))
+        np.testing.assert_allclose(blended[:, 24:], 0.8, rtol=1e-5)
+        np.testing.assert_allclose(blended[:, :14], 0.8 if index > 1 else 0.0, rtol=1e-5, atol=1e-20)
+
+
 def test_a_frame_without_the_output_drops_the_history_of_aovs() -> None:
     ours, theirs = make("taau"), make("taau", "cpu")
     frames = [noisy(index, (20, 12)) for index in range(3)]

@@ -105,6 +105,24 @@ def test_a_constant_channel_stays_constant_up_to_the_limit(executor: ExecutorNam
         assert np.abs(aovs).max() <= MAX_HALF
 
 
+@pytest.mark.parametrize("executor", ["cpu", "onnx"])
+@pytest.mark.parametrize("method", ["taau", "bilinear"])
+def test_a_channel_that_begins_with_missing_samples_takes_the_first_ones(
+    method: str, executor: ExecutorName
+) -> None:
+    upscaler = make(shared_model(method, executor))
+    aovs = np.full((18, 32, 2), 0.8, np.float32)
+    hole = aovs.copy()
+    hole[5:14, 9:25, 0] = np.nan
+    for seed in range(5):
+        result: Any = stepped(upscaler, noise(seed, aovs=hole if seed < 3 else aovs, motion=STILL), "aovs")
+        np.testing.assert_allclose(result.aovs[..., 1], 0.8, rtol=1e-6)
+        inside = result.aovs[14:24, 24:44, 0]
+        np.testing.assert_allclose(inside, 0.0 if seed < 3 else 0.8, rtol=1e-6, atol=1e-20)
+        around = np.unique(result.aovs[..., 0].round(5))  # nothing between
+        assert set(around.tolist()) <= {0.0, np.float32(0.8)}, around
+
+
 def test_a_channel_is_blended_by_the_weight_of_the_colour(model: Model) -> None:
     upscaler = make(model)
     zeros = np.zeros((18, 32, 1), np.float32)

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from supersampler.io.display import MAX_HALF
-from supersampler.methods.aovs.spec import AOVS, MIN_CERTAINTY, SIGMA
+from supersampler.methods.aovs.spec import AOVS, MIN_CERTAINTY, SIGMA, UNKNOWN
 from supersampler_model import ops
 from supersampler_model.methods.base import Method
 
@@ -34,7 +34,7 @@ class BlendAovs(Method):
         """Return the channels at display size, (1, k, H, W).
 
         Values are clamped to [-65504, 65504]. A NaN is a missing sample. Where a channel has only missing
-        samples, its history is kept.
+        samples, its history is kept; without one, it is UNKNOWN, as every channel is before the first frame.
         """
         display, render = ops.display_size_of(display_size), ops.size_of(aovs)
         grid = ops.grid_of(display, render, jitter)
@@ -45,21 +45,30 @@ class BlendAovs(Method):
         current = total / certainty.clamp(min=ops.min_divisor(certainty, 1e-6))
         _, dilated = ops.dilate_motion_2x2(ops.usable_depth(depth), ops.usable_motion(motion))
         vectors = grid.pick_first_vectors(ops.to_display(dilated, display, render))
-        history = read_bounded(ops.finite(history_aovs), ops.reproject(vectors, display, grid).position)
-        keep = torch.where(certainty > MIN_CERTAINTY, weight.clamp(0.0, 1.0), 1.0)
+        position = ops.reproject(vectors, display, grid).position
+        history, is_known = read_bounded(ops.finite(history_aovs), position)
+        found = certainty > MIN_CERTAINTY
+        keep = torch.where(found, weight.clamp(0.0, 1.0), 1.0)
         blend = (current + keep * (history - current)).clamp(-MAX_HALF, MAX_HALF)
+        blend = torch.where(is_known, blend, torch.where(found, current.clamp(-MAX_HALF, MAX_HALF), UNKNOWN))
         return blend, blend * 1.0
 
 
-def read_bounded(image: Tensor, position: Tensor) -> Tensor:
-    """Resample with Catmull-Rom, bounded by the four pixels around. The coverage of thin objects stays sharp.
+def read_bounded(image: Tensor, position: Tensor) -> tuple[Tensor, Tensor]:
+    """Resample with Catmull-Rom, bounded by the known ones of the four pixels around.
+
+    The bounds keep the coverage of thin objects sharp.
 
     Args:
-        image: (1, c, h, w), finite.
+        image: (1, c, h, w), finite, or UNKNOWN.
         position: (1, H, W, 2) in its pixels.
+
+    Returns:
+        The result, (1, c, H, W), and where one of the four pixels is known.
     """
-    around, first = ops.neighbours_2x2(image), position.floor()
+    first, unknown = position.floor(), image == UNKNOWN
     low, high = (
-        ops.read(reduce(bound, around), first, mode="nearest") for bound in (torch.minimum, torch.maximum)
+        ops.read(reduce(bound, ops.neighbours_2x2(torch.where(unknown, none, image))), first, mode="nearest")
+        for bound, none in ((torch.minimum, 2.0 * MAX_HALF), (torch.maximum, -2.0 * MAX_HALF))
     )
-    return torch.minimum(torch.maximum(ops.read_cubic(image, position), low), high)
+    return torch.minimum(torch.maximum(ops.read_cubic(image, position), low), high), low <= high

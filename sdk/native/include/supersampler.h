@@ -292,7 +292,7 @@ typedef struct ss_aovs {
 } ss_aovs;
 
 /* Upsamples the AOVs of several views to display size, after `ss_step` with `weight` among its outputs, and blends each with
- * its history by this weight. Where a channel has only missing samples, its history is kept.
+ * its history by this weight. Where a channel has only missing samples, its history is kept; before its first one, it is 1e-30.
  *
  * model: its threads do the work. */
 SS_API ss_status ss_blend_aovs(ss_model* model, const ss_aovs* views, int count, ss_error* error);

@@ -285,6 +285,7 @@ constexpr Constant CONSTANTS[] = {
 namespace aovs {
 constexpr float SIGMA = 0.35f;
 constexpr float MIN_CERTAINTY = 0.001f;
+constexpr float UNKNOWN = 1e-30f;
 }  // namespace aovs
 
 namespace temporal_filter {

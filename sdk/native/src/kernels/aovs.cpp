@@ -99,9 +99,10 @@ struct Pixel {
         kept = weight > 0.0f ? min(weight, 1.0f) : 0.0f;
     }
 
-    // The history by Catmull-Rom without its corners, bounded by the four pixels around.
+    // The history by Catmull-Rom without its corners, bounded by the known ones of the four pixels around; `is_known`: where
+    // one of these is.
     template <int count>
-    F4 history(int channel) const {
+    F4 history(int channel, I4& is_known) const {
         const float* from = before + channel;
         auto at = [&](int row, int column) __attribute__((always_inline)) {
             return load_channels<count>(from + rows[row] + columns[column]);
@@ -118,7 +119,14 @@ struct Pixel {
             load_channels<count>(from + lower + columns[1]),
             load_channels<count>(from + lower + right),
         };
-        return within_corners(cubic, corners);
+        F4 low = F4{} + 2.0f * MAX_HALF, high = F4{} - 2.0f * MAX_HALF;
+        for (const F4& corner : corners) {
+            const I4 known = corner != UNKNOWN;
+            low = known & (corner < low) ? corner : low;
+            high = known & (corner > high) ? corner : high;
+        }
+        is_known = low <= high;
+        return clamped4(cubic, low, high);
     }
 
     F4 sum(const float* line, int channels) const {
@@ -136,11 +144,15 @@ SS_INLINE void blend_pixel(const Pixel& pixel, const float* values, const float*
         const I4 found = certainty > MIN_CERTAINTY;
         const F4 least = F4{} + 1e-6f;
         const F4 current = pixel.sum(values + channel, channels) / (certainty > least ? certainty : least);
-        F4 before = {};
-        if (pixel.before) before = pixel.history<count>(channel);
-        const F4 kept = found ? F4{} + pixel.kept : F4{} + 1.0f;
-        const F4 blend = current + kept * (before - current);
-        store_channels<count>(to + channel, clamped4(blend, F4{} - MAX_HALF, F4{} + MAX_HALF));
+        F4 blend = current;
+        I4 is_known = {};
+        if (pixel.before) {
+            const F4 before = pixel.history<count>(channel, is_known);
+            const F4 kept = found ? F4{} + pixel.kept : F4{} + 1.0f;
+            blend = is_known ? current + kept * (before - current) : current;
+        }
+        blend = clamped4(blend, F4{} - MAX_HALF, F4{} + MAX_HALF);
+        store_channels<count>(to + channel, found | is_known ? blend : F4{} + UNKNOWN);
     }
 }
 

@@ -14,7 +14,7 @@ from supersampler.backends.onnx.runtime import device_of, ort
 from supersampler.backends.onnx.tensors import check_tensor, render_size_of
 from supersampler.errors import ArgumentError, ModelError
 from supersampler.frame import Float32, Frame, Size
-from supersampler.methods.aovs.spec import AOVS
+from supersampler.methods.aovs.spec import AOVS, UNKNOWN
 from supersampler.methods.model_info import ModelInfo, TensorInfo
 from supersampler.methods.spec import TENSORS, dtype_of
 
@@ -181,7 +181,7 @@ class AovBlender:
         shape = (1, inputs["aovs"].shape[1], *display[::-1])
         inputs |= {
             "weight": np.zeros((1, 1, *shape[2:]), np.float32) if weight is None else weight,
-            "history.aovs": np.zeros(shape, np.float32) if history is None else history,
+            "history.aovs": np.full(shape, UNKNOWN, np.float32) if history is None else history,
         }
         session = self._loaded()
         with sessions.running(self._path):

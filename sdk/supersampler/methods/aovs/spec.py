@@ -6,6 +6,9 @@ SIGMA = 0.35
 """Gaussian that upsamples this frame, render pixels."""
 MIN_CERTAINTY = 1e-3
 """Sum of the weights of a channel's samples below which they are missing: the history is kept."""
+UNKNOWN = 1e-30
+"""Value of a channel that has had no sample since the history began, shown as it is: nearly 0. As a history
+it has no weight. It is a number because GPUs may drop NaN."""
 
 AOVS = MethodSpec(
     name="aovs",

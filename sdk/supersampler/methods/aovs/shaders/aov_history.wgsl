@@ -8,7 +8,8 @@
 
 fn history_weight(p: vec2i) -> f32 { return clamp(aux[index_of(p, display_size())].x, 0.0, 1.0); }
 
-// A value resampled with Catmull-Rom, bounded by the four pixels around. Same as `read_bounded`.
+// A value resampled with Catmull-Rom, bounded by the known ones of the four pixels around; UNKNOWN if none is. Same as
+// `read_bounded`.
 fn aov_before(part: u32, at: vec2f) -> Value {
     let whole = floor(at);
     let t = at - whole;
@@ -16,8 +17,8 @@ fn aov_before(part: u32, at: vec2f) -> Value {
     let down = cubic_weights(t.y, CATMULL_ROM);
     var sum = Value(0.0);
     var total = 0.0;
-    var low = Value(MAX_HALF);
-    var high = Value(-MAX_HALF);
+    var low = Value(2.0 * MAX_HALF);
+    var high = Value(-2.0 * MAX_HALF);
     /* unroll */ for (var j = 0; j < 4; j++) {
         /* unroll */ for (var i = 0; i < 4; i++) {
             let is_corner = (i == 0 || i == 3) && (j == 0 || j == 3);
@@ -27,11 +28,11 @@ fn aov_before(part: u32, at: vec2f) -> Value {
                 sum += across[i] * down[j] * value;
                 total += across[i] * down[j];
                 if (i > 0 && i < 3 && j > 0 && j < 3) {
-                    low = min(low, value);
-                    high = max(high, value);
+                    low = select(min(low, value), low, value == Value(UNKNOWN));
+                    high = select(max(high, value), high, value == Value(UNKNOWN));
                 }
             }
         }
     }
-    return clamp(sum / total, low, high);
+    return select(Value(UNKNOWN), clamp(sum / total, low, high), low <= high);
 }

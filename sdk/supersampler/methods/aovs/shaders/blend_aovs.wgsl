@@ -56,9 +56,13 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let weight = history_weight(p);
     for (var part = 0u; part < OWN; part++) {
         let current = upsampled(part, vec2i(first), across, down);
-        let kept = select(Value(1.0), Value(weight), current.weight > Value(MIN_CERTAINTY));
+        let found = current.weight > Value(MIN_CERTAINTY);
         let color = current.sum / max(current.weight, Value(1e-6));
-        let blend = clamp(color + kept * (aov_before(part, there) - color), Value(-MAX_HALF), Value(MAX_HALF));
+        let before = aov_before(part, there);
+        let unknown = before == Value(UNKNOWN);
+        let kept = select(Value(1.0), Value(weight), found);
+        let value = select(color + kept * (before - color), color, unknown);
+        let blend = select(clamp(value, Value(-MAX_HALF), Value(MAX_HALF)), Value(UNKNOWN), unknown & !found);
         next_aovs[value_index(part, p)] = blend;
         show_aov(p, blend);
     }
