@@ -5,7 +5,9 @@ import io
 import json
 import os
 import shutil
+import signal
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +19,7 @@ from onnx import TensorProto, helper
 from noise import noise
 from supersampler import Model, ModelError, ShotError, Upscaler
 from supersampler.backends.onnx.graph_file import refusal_of
-from supersampler.backends.onnx.runtime import CPU
+from supersampler.backends.onnx.runtime import CPU, ort
 from supersampler.extrapolation import Extrapolator
 from supersampler.io.json_files import read_json
 from supersampler.io.shot import Shot, shot
@@ -384,6 +386,34 @@ def test_a_graph_that_fails_while_running_raises_a_typed_error_and_changes_nothi
     with pytest.raises(ModelError, match=r"step\.onnx: ONNX Runtime cannot run it: "):
         upscaler.step(noise(0))
     assert upscaler.save_state().history is None
+
+
+class TooLateError(Exception):
+    """Raised by the program's signal handler."""
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGUSR1"), reason="this system has few signals")
+@pytest.mark.parametrize("name", ["get_outputs", "run_with_iobinding"])
+def test_an_error_of_a_signal_handler_is_no_error_of_the_graph(
+    name: str, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def late(*_: object) -> None:
+        raise TooLateError
+
+    upscaler = Upscaler(folder, scale=2.0, executor="onnx", validate="off")
+    calls: dict[str, Callable[[], object]] = {
+        "get_outputs": lambda: Model.load(folder, executor="onnx"),
+        "run_with_iobinding": lambda: upscaler.step(noise(0)),
+    }
+    before = signal.signal(signal.SIGUSR1, late)
+    try:
+        with monkeypatch.context() as patch:
+            patch.setattr(ort.InferenceSession, name, lambda *_: signal.raise_signal(signal.SIGUSR1))
+            with pytest.raises(TooLateError):
+                calls[name]()
+    finally:
+        signal.signal(signal.SIGUSR1, before)
+    calls[name]()
 
 
 def test_an_app_without_data_files_says_how_to_build_it(

@@ -1,5 +1,7 @@
 """Sessions of ONNX Runtime, and the inputs that graphs read from a frame."""
 
+import sys
+import traceback
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -23,6 +25,8 @@ VECTORS = ("jitter", "exposure", "pre_exposure", ADDS_SAMPLES, "display_size")
 """Inputs of a graph that are not images; they stay in CPU memory."""
 ORT_TYPES = {"float32": "tensor(float)", "int64": "tensor(int64)"}
 """ONNX Runtime's names of element types."""
+_OWN = {"supersampler", "onnxruntime", *sys.stdlib_module_names}
+"""Packages whose errors are about a graph."""
 
 
 def open_session(
@@ -83,6 +87,8 @@ def open_session(
     except (ModelError, ProviderError):
         raise
     except Exception as error:  # exceptions of ONNX Runtime have no other common base
+        if _is_of_program(error):
+            raise
         raise ModelError(f"{path}: ONNX Runtime cannot load it: {error}") from error
     return session
 
@@ -110,7 +116,15 @@ def running(path: Path) -> Iterator[None]:
         with OnnxRun():
             yield
     except Exception as error:  # exceptions of ONNX Runtime have no other common base
+        if _is_of_program(error):
+            raise
         raise ModelError(f"{path}: ONNX Runtime cannot run it: {error}") from error
+
+
+def _is_of_program(error: Exception) -> bool:
+    """Return whether code of the program raised an error: a signal handler, which runs during any call."""
+    *_, (frame, _) = traceback.walk_tb(error.__traceback__)
+    return str(frame.f_globals.get("__name__")).partition(".")[0] not in _OWN
 
 
 def run_bound(
