@@ -111,7 +111,7 @@ def test_no_constant_of_a_spec_is_typed_again(kind: str) -> None:
 
 
 def test_a_constant_that_is_typed_again_is_found() -> None:
-    change = {"a.wgsl": "// 0.004\nconst CHANGE = 0.004;\n", "b.py": "def f(x):\n    return x * 65504.0\n"}
-    assert typed_again(change) == ["a.wgsl: 0.004 is MIN_CHANGE", "b.py: 65504 is MAX_HALF"]
+    typed = {"a.wgsl": "// 0.501\nconst HALF = 0.501;\n", "b.py": "def f(x):\n    return x * 65504.0\n"}
+    assert typed_again(typed) == ["a.wgsl: 0.501 is ROUNDING", "b.py: 65504 is MAX_HALF"]
     assert all(map(is_plain, (0.5, 1.0, 0.9, 1e-6, 1e-3, -1.0, 100.0, 0.0)))
-    assert not any(map(is_plain, (0.004, 0.05, 0.999, 65504.0, 1024.0, 3e38, 0.2126)))
+    assert not any(map(is_plain, (0.501, 0.05, 0.999, 65504.0, 1024.0, 3e38, 0.2126)))

@@ -20,7 +20,7 @@ static F fit_of(F across, F down, F deviation) {
 
 SS_INLINE F sum3(const float* at) { return load(at - 1) + load(at) + load(at + 1); }
 
-// Writes the occluding depth, for the next frame, and what `Shade` holds; same as `shade_of` and `fit_of`.
+// Writes occluding depths, which the next frame reads, and `TaauWork::shades`; same as `shade_of` and `fit_of`.
 void taau_shade(const TaauWork& w, int y0, int y1, int thread) {
     const Samples& s = w.samples;
     float* lines = w.lines + static_cast<ptrdiff_t>(thread) * w.line_pitch + PAD;
