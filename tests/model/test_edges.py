@@ -76,11 +76,11 @@ def test_the_history_of_aovs_stays_between_its_pixels(seed: int) -> None:
     random = np.random.default_rng(seed)
     image = torch.from_numpy((random.random((1, 2, 12, 16)) > 0.7).astype(np.float32))
     position = torch.from_numpy(random.uniform(-3.0, 19.0, (1, 9, 11, 2)).astype(np.float32))
-    read = read_bounded(image, position)
+    read, _ = read_bounded(image, position)
     assert float(read.min()) >= 0.0
     assert float(read.max()) <= 1.0
     whole = np.stack(np.meshgrid(np.arange(16.0), np.arange(12.0)), axis=-1)[None]
-    same = read_bounded(image, torch.from_numpy(whole.astype(np.float32)))
+    same, _ = read_bounded(image, torch.from_numpy(whole.astype(np.float32)))
     torch.testing.assert_close(same, image, atol=1e-5, rtol=0.0)
 
 
@@ -89,6 +89,6 @@ def test_a_line_that_drifts_keeps_more_of_its_coverage_than_by_linear_reads() ->
     ours = theirs = torch.exp(-0.5 * (pixels - start) ** 2 / 0.6**2).expand(1, 1, 3, 48)
     position = torch.stack(torch.meshgrid(pixels - step, torch.arange(3.0), indexing="xy"), dim=-1)[None]
     for _ in range(frames):
-        ours, theirs = read_bounded(ours, position), ops.read(theirs, position)
+        (ours, _), theirs = read_bounded(ours, position), ops.read(theirs, position)
     place = round(start + frames * step)
     assert float(ours[0, 0, 1, place]) > 1.5 * float(theirs[0, 0, 1, place])

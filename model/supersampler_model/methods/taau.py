@@ -346,7 +346,7 @@ def light_after(light: Tensor, before: Tensor, change: Tensor) -> Tensor:
     last, older = contrasts[:, :1], contrasts[:, 1:2]
     known = torch.where(flashes > 0.0, older, torch.maximum(last, older))
     exceeds = light[:, 1:2] > taau.FLASH * known + taau.LEAST_FLASH
-    flash = (known > 0.0) & (flashes < 2.0) & exceeds
+    flash = (known > taau.NO_CONTRAST) & (flashes < 2.0) & exceeds
     return torch.cat([light, torch.maximum(last, taau.FLASH_MEMORY * older), flash * (flashes + 1.0)], dim=1)
 
 

@@ -88,6 +88,7 @@ namespace taau {
 constexpr float FLASH = 1.25f;
 constexpr float LEAST_FLASH = 0.001f;
 constexpr float FLASH_MEMORY = 0.9f;
+constexpr float NO_CONTRAST = 1e-06f;
 constexpr float UNFIT = 0.8f;
 constexpr float FIT = 0.95f;
 constexpr int LAG_STEP = 2;

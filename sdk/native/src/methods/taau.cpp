@@ -51,7 +51,7 @@ static void write_light(const Step& step, const TaauWork& work) {
     for (int k = 0; k < 2; k++)
         light[k] = static_cast<float>(sums[k] / (double{1} * step.frame.width * step.frame.height));
     const double known = flashes > 0.0 ? older : max(last, older);
-    const bool flash = known > 0.0 && flashes < 2.0 && light[1] > FLASH * known + LEAST_FLASH;
+    const bool flash = known > NO_CONTRAST && flashes < 2.0 && light[1] > FLASH * known + LEAST_FLASH;
     light[2] = static_cast<float>(max(last, FLASH_MEMORY * older));
     light[3] = static_cast<float>(flash * (flashes + 1.0));
 }

@@ -10,6 +10,8 @@ FLASH, LEAST_FLASH, FLASH_MEMORY = 1.25, 1e-3, 0.9
 """The light of a frame is unconfirmed if its mean local variance exceeds FLASH times the previous frames'
 plus LEAST_FLASH. The previous variance is a maximum that decays by FLASH_MEMORY per frame, because
 extrapolated frames are smoother than the shaded frames that they alternate with."""
+NO_CONTRAST = 1e-6
+"""Mean local variance up to which a frame is of one colour, as a title card. What follows it is no flash."""
 
 UNFIT, FIT = 0.8, 0.95
 """Fractions of the luma variance of 3x3 samples that a fitted plane explains: from UNFIT on they start to

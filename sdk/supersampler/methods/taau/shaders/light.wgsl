@@ -37,6 +37,6 @@ fn light_after(light_now: vec2f, before: vec4f, change: f32) -> vec4f {
     let contrasts = slope * slope * before.yz;
     let flashes = before.w;
     let known = select(max(contrasts.x, contrasts.y), contrasts.y, flashes > 0.0);
-    let flash = known > 0.0 && flashes < 2.0 && light_now.y > FLASH * known + LEAST_FLASH;
+    let flash = known > NO_CONTRAST && flashes < 2.0 && light_now.y > FLASH * known + LEAST_FLASH;
     return vec4f(light_now, max(contrasts.x, FLASH_MEMORY * contrasts.y), select(0.0, flashes + 1.0, flash));
 }
