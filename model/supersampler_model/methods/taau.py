@@ -118,7 +118,8 @@ class Taau(Method):
 
         current = self.gather_current(toned, usable, [glare, peak], shade, grid, view)
         closest, dilated = ops.dilate_motion_2x2(depth, motion)
-        changed = self.change_of_light(toned[:, :1], usable, dilated, history_color * exposure, view)
+        exposed_history = history_color * exposure
+        changed = self.change_of_light(toned[:, :1], usable, dilated, exposed_history, view)
         closest = grid.pick_first(closest)
         vectors = grid.pick_first_vectors(ops.to_display(dilated, display, render))
         reprojection = ops.reproject(vectors, display, grid)
@@ -133,7 +134,7 @@ class Taau(Method):
         next_light = light_after(light_of(shade), light, change)
         frame = at_rest.RestFrame(given_color, motion, jitter, exposure, reactive, adds_samples)
         blocks = at_rest.compare(frame, at_rest.RestHistory(*rest), ops.size_of(surface_before), display)
-        limit = samples_kept(exposed, usable, history_color * exposure, blocks, self.config)
+        limit = samples_kept(exposed, usable, exposed_history, blocks, self.config)
         samples = torch.minimum(warped.samples, blocks.at_pixels.pick(limit))
         warped = warped._replace(samples=samples)
         blend = self.network(current, warped, next_light[:, 3:4])
@@ -220,14 +221,15 @@ class Taau(Method):
         on_screen = (x > -0.5) & (x < display.width - 0.5) & (y > -0.5) & (y < display.height - 0.5)
         samples = torch.cat([x, y, luma, usable * on_screen], dim=1)
         cells = ops.Size((size.width + 1) // 2, (size.height + 1) // 2)
-        samples, compared = ops.fit(samples, 2 * cells.width, 2 * cells.height), []
-        for step in range(2):
-            x, y, luma, counts = ops.channels_of(samples[:, :, step::2, step::2])
-            nearest = (ops.positions_of(x, y) + taau.ROUNDING).floor()
-            before = ops.ycocg(ops.tone(ops.read(history, nearest, mode="nearest")))[:, :1]
-            difference = (luma - before) * counts
-            compared.append(torch.cat([difference, difference * difference, counts], dim=1))
-        difference, square, share = ops.channels_of(0.5 * ops.blurred(compared[0] + compared[1]))
+        samples = ops.fit(samples, 2 * cells.width, 2 * cells.height)
+        samples = torch.cat([samples[:, :, ::2, ::2], samples[:, :, 1::2, 1::2]], dim=2)
+        x, y, luma, counts = ops.channels_of(samples)
+        nearest = (ops.positions_of(x, y) + taau.ROUNDING).floor()
+        before = ops.ycocg(ops.tone(ops.read(history, nearest, mode="nearest")))[:, :1]
+        difference = (luma - before) * counts
+        sums = torch.cat([difference, difference * difference, counts], dim=1)
+        upper, lower = sums.split_with_sizes([cells.height, cells.height], dim=2)
+        difference, square, share = ops.channels_of(0.5 * ops.blurred(upper + lower))
         mean = difference / share.clamp(min=1e-6)
         variance = (square / share.clamp(min=1e-6) - mean * mean).clamp(min=0.0)
         noise = self.config.change_deviation * variance.sqrt() + self.config.least_change
