@@ -78,9 +78,9 @@ def hostile(render: Size) -> list[Frame]:
 @pytest.mark.parametrize("value", [0.5, 0.7, 1.0])
 def test_frames_after_a_title_card_of_one_colour_are_alike(models: Models, value: float) -> None:
     """Rounding does not decide whether the light of the first one is a flash."""
-    card, size = np.full((18, 32, 3), value, np.float32), (64, 36)
-    frames = [noise(index, exposure=1.0, **({"color": card} if index < 3 else {})) for index in range(6)]
-    for ours, theirs in step_both(models, "taau", frames, size):
+    frames = [noise(index, exposure=1.0) for index in range(6)]
+    frames[:3] = [replace(frame, color=np.full_like(frame.color, value)) for frame in frames[:3]]
+    for ours, theirs in step_both(models, "taau", frames, (64, 36)):
         compare(ours.image, theirs.image, "taau")
 
 
