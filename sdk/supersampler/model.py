@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from supersampler import arguments
 from supersampler.arguments import AtRest, ExecutorName, Precision
 from supersampler.backends.base import AovRequest, Executor, StepReport, StepRequest
-from supersampler.backends.cpu.aovs import blend_aovs
 from supersampler.backends.cpu.executor import CpuExecutor
 from supersampler.backends.cpu.ids import IdHistory, IdRequest, resample_ids
 from supersampler.backends.cpu.library import aligned
@@ -337,7 +336,7 @@ class Model:
             weight = None if history.aovs is None else reports[k].outputs.get("weight")
             requests.append(AovRequest(frame, history.display_size, weight, history.aovs))
         if isinstance(self._executor, CpuExecutor):
-            blended = blend_aovs(requests, self._executor.handle)
+            blended = self._executor.blend_aovs(requests)
         else:
             blended = [self._aov_blender.blend(request) for request in requests]
         for k, aovs in zip(asking, blended, strict=True):

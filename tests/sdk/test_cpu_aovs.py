@@ -12,7 +12,6 @@ from noise import Size, noise
 from shared_models import shared_model
 from supersampler import Upscaler
 from supersampler.backends.base import AovRequest
-from supersampler.backends.cpu.aovs import blend_aovs
 from supersampler.backends.onnx.executor import AovBlender
 from supersampler.errors import SupersamplerError
 from supersampler.frame import Float32
@@ -77,7 +76,7 @@ def test_blended_aovs_are_those_of_the_graph(
     if library is None:
         pytest.skip(f"this CPU has no {instructions}")
     for request in requests(render, display, channels, spoilt=spoilt):
-        [ours], theirs = blend_aovs([request], library.handle), graph().blend(request)
+        [ours], theirs = library.blend_aovs([request]), graph().blend(request)
         assert ours.shape == theirs.shape == (1, channels, *display[::-1])
         on_screen = 1.0 if request.weight is None or not spoilt else request.weight > 0.0
         apart.append((np.abs(ours - theirs) * on_screen).ravel() / (MAX_HALF if spoilt else 4.0))
@@ -93,7 +92,7 @@ def test_without_a_weight_the_history_only_fills_in_for_missing_samples() -> Non
     aovs[5:14, 10:20, 1] = np.nan
     history = np.full((1, 2, 36, 64), 0.75, np.float32)
     frame = noise(0, motion=np.zeros((18, 32, 2), np.float32), jitter=(0.0, 0.0), aovs=aovs)
-    [blended] = blend_aovs([AovRequest(frame, display, None, history)], library.handle)
+    [blended] = library.blend_aovs([AovRequest(frame, display, None, history)])
     np.testing.assert_allclose(blended[0, 0], 0.25, rtol=1e-6)
     np.testing.assert_allclose(blended[0, 1, 14:24, 24:36], 0.75, rtol=1e-6)
     np.testing.assert_allclose(blended[0, 1, :8], 0.25, rtol=1e-6)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.backends.base import StepReport, StepRequest
+from supersampler.backends.base import AovRequest, StepReport, StepRequest
 from supersampler.backends.cpu import library as native
 from supersampler.frame import Float32, Frame, Size
 from supersampler.io.display import usable_exposure
@@ -111,6 +111,37 @@ class CpuExecutor:
             StepReport(planes, {name: time for name, time in zip(self._names, times, strict=True) if time})
             for planes, times in zip(aux, seconds, strict=True)
         ]
+
+    def blend_aovs(self, requests: Sequence[AovRequest]) -> list[Float32]:
+        """Upsample the AOVs of several views to display size, and blend them with their history.
+
+        Returns:
+            (1, k, H, W) of each view, whose channels of a pixel lie next to each other in memory.
+        """
+        views, alive, results = (native.AovData * len(requests))(), [], []
+        for place, (frame, display, weight, history) in enumerate(requests):
+            given = np.ascontiguousarray(frame.aovs, np.float32)
+            image = np.empty((*display[::-1], given.shape[2]), np.float32)
+            arrays: dict[str, NDArray[Any]] = {
+                "aovs": given,
+                "depth": np.ascontiguousarray(frame.depth),
+                "motion": np.ascontiguousarray(frame.motion, np.float32),
+                "image": image,
+            }
+            if weight is not None:
+                arrays["weight"] = weight
+            if history is not None:
+                arrays["previous"] = np.ascontiguousarray(history[0].transpose(1, 2, 0))
+            data = native.AovData(*frame.size, *display, given.shape[2])
+            data.jitter[:] = frame.jitter
+            for name, array in arrays.items():
+                setattr(data, name, array.ctypes.data)
+            views[place] = data
+            alive.append(arrays)
+            results.append(image.transpose(2, 0, 1)[None])
+        self._library.call("ss_blend_aovs", self._model.handle, views, len(requests))
+        del alive  # what the library read
+        return results
 
     def required_bytes(self, display: Size, render: Size) -> tuple[int, int | None]:
         """See `Executor`."""
