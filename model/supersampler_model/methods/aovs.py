@@ -49,8 +49,8 @@ class BlendAovs(Method):
         history, is_known = read_bounded(ops.finite(history_aovs), position)
         found = certainty > MIN_CERTAINTY
         keep = torch.where(found, weight.clamp(0.0, 1.0), 1.0)
-        blend = (current + keep * (history - current)).clamp(-MAX_HALF, MAX_HALF)
-        blend = torch.where(is_known, blend, torch.where(found, current.clamp(-MAX_HALF, MAX_HALF), UNKNOWN))
+        blend = torch.where(is_known, current + keep * (history - current), current)
+        blend = torch.where(is_known | found, blend.clamp(-MAX_HALF, MAX_HALF), UNKNOWN)
         return blend, blend * 1.0
 
 

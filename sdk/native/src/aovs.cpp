@@ -3,8 +3,6 @@
 
 namespace ss {
 
-constexpr int BAND_ROWS = 16;
-
 static ss_status check(const ss_aovs& v, ss_error* error) {
     if (ss_status status = check_size(v.width, v.height, "the frame", error)) return status;
     if (ss_status status = check_size(v.display_width, v.display_height, "the display", error)) return status;
@@ -31,7 +29,6 @@ static bool blend(Model& model, const ss_aovs* views, int count) {
     Arena arena(model.arena.allocator());
     AovWork* works = arena.take<AovWork>(count);
     size_t line_pitch = 0;
-    int bands = 0;
     for (int k = 0; k < count && works; k++) {
         const ss_aovs& v = views[k];
         works[k].view = &v;
@@ -40,7 +37,6 @@ static bool blend(Model& model, const ss_aovs* views, int count) {
         if (arena.failed()) return false;
         model.kernels->make_tables(works[k].tables, v.jitter[0], v.jitter[1]);
         line_pitch = max(line_pitch, AovWork::line_values(v));
-        bands += divided_up(v.display_height, BAND_ROWS);
     }
     const int threads = model.pool.threads();
     float* lines = arena.take<float>(3 * line_pitch * threads);
@@ -48,14 +44,8 @@ static bool blend(Model& model, const ss_aovs* views, int count) {
     if (arena.failed()) return false;
     for (int k = 0; k < count; k++)
         works[k].lines = lines, works[k].line_pitch = line_pitch, works[k].scratch = scratch;
-    Canceller canceller(nullptr, nullptr);
-    Workers{model.pool, canceller}.run(bands, [&](int band, int thread) {
-        const AovWork* work = works;
-        for (; band >= divided_up(work->view->display_height, BAND_ROWS); work++)
-            band -= divided_up(work->view->display_height, BAND_ROWS);
-        const int y0 = band * BAND_ROWS;
-        model.kernels->blend_aovs(*work, y0, min(y0 + BAND_ROWS, work->view->display_height), thread);
-    });
+    run_views(&model, views, count,
+              [&](int view, int y0, int y1, int thread) { model.kernels->blend_aovs(works[view], y0, y1, thread); });
     return true;
 }
 
@@ -65,12 +55,7 @@ using namespace ss;
 
 ss_status ss_blend_aovs(ss_model* model, const ss_aovs* views, int count, ss_error* error) {
     if (!model) return fail(error, SS_BAD_ARGUMENT, "model is NULL");
-    if (!views || count < 1) return fail(error, SS_BAD_ARGUMENT, "views is %s", views ? "empty" : "NULL");
-    for (int k = 0; k < count; k++) {
-        ss_status status = check(views[k], error);
-        for (int j = 0; j < count && status == SS_OK; j++) status = check_apart(views[k], views[j], error);
-        if (status != SS_OK) return count == 1 ? status : fail_in_view(k, status, error);
-    }
+    if (ss_status status = check_views(views, count, check, check_apart, error)) return status;
     const IeeeArithmetic arithmetic;
     if (!blend(*reinterpret_cast<Model*>(model), views, count)) return fail(error, SS_NO_MEMORY, "no memory for AOVs");
     return succeed(error);

@@ -5,8 +5,6 @@
 
 namespace ss {
 
-constexpr int BAND_ROWS = 32;
-
 // Returns the sample of this frame nearest to a pixel on one axis, and their distance in pixels.
 static int nearest_sample(int pixel, float ratio, float jitter, int samples, float* distance) {
     const float at = (static_cast<float>(pixel) + 0.5f) / ratio - 0.5f - jitter;
@@ -127,26 +125,8 @@ static ss_status check_apart(const ss_ids& v, const ss_ids& other, ss_error* err
 using namespace ss;
 
 ss_status ss_resample_ids(ss_model* model, const ss_ids* views, int count, ss_error* error) {
-    if (!views || count < 1) return fail(error, SS_BAD_ARGUMENT, "views is %s", views ? "empty" : "NULL");
-    int bands = 0;
-    for (int k = 0; k < count; k++) {
-        ss_status status = check(views[k], error);
-        for (int j = 0; j < count && status == SS_OK; j++) status = check_apart(views[k], views[j], error);
-        if (status != SS_OK) return count == 1 ? status : fail_in_view(k, status, error);
-        bands += divided_up(views[k].display_height, BAND_ROWS);
-    }
-    const auto resample_band = [&](int band, int) {
-        const ss_ids* view = views;
-        for (; band >= divided_up(view->display_height, BAND_ROWS); view++)
-            band -= divided_up(view->display_height, BAND_ROWS);
-        resample_rows(*view, band * BAND_ROWS, min((band + 1) * BAND_ROWS, view->display_height));
-    };
-    Canceller canceller(nullptr, nullptr);
-    if (model) {
-        Workers{reinterpret_cast<Model*>(model)->pool, canceller}.run(bands, resample_band);
-    } else {
-        const IeeeArithmetic arithmetic;
-        for (int band = 0; band < bands; band++) resample_band(band, 0);
-    }
+    if (ss_status status = check_views(views, count, check, check_apart, error)) return status;
+    run_views(reinterpret_cast<Model*>(model), views, count,
+              [&](int view, int y0, int y1, int) { resample_rows(views[view], y0, y1); });
     return succeed(error);
 }

@@ -307,6 +307,40 @@ ss_status run_steps(Model& model, int count, const CallOf& call_of, ss_error* er
     return status == SS_OK ? succeed(error) : fail(error, status, "no memory for a step");
 }
 
+// Checks each of several views, and that what it writes is apart from itself and the others.
+template <class View>
+ss_status check_views(const View* views, int count, ss_status (*check)(const View&, ss_error*),
+                      ss_status (*check_apart)(const View&, const View&, ss_error*), ss_error* error) {
+    if (!views || count < 1) return fail(error, SS_BAD_ARGUMENT, "views is %s", views ? "empty" : "NULL");
+    for (int k = 0; k < count; k++) {
+        ss_status status = check(views[k], error);
+        for (int j = 0; j < count && status == SS_OK; j++) status = check_apart(views[k], views[j], error);
+        if (status != SS_OK) return count == 1 ? status : fail_in_view(k, status, error);
+    }
+    return SS_OK;
+}
+
+// Calls function(view, y0, y1, thread) on bands of display rows of several views, by their numbers. The calling thread does
+// the work without a model.
+template <class View, class Function>
+void run_views(Model* model, const View* views, int count, const Function& function) {
+    constexpr int ROWS = 32;
+    int bands = 0;
+    for (int k = 0; k < count; k++) bands += divided_up(views[k].display_height, ROWS);
+    const auto run_band = [&](int band, int thread) {
+        int view = 0;
+        for (; band >= divided_up(views[view].display_height, ROWS); view++)
+            band -= divided_up(views[view].display_height, ROWS);
+        function(view, band * ROWS, min((band + 1) * ROWS, views[view].display_height), thread);
+    };
+    if (model) {
+        Canceller canceller(nullptr, nullptr);
+        return Workers{model->pool, canceller}.run(bands, run_band);
+    }
+    const IeeeArithmetic arithmetic;
+    for (int band = 0; band < bands; band++) run_band(band, 0);
+}
+
 // Calls `rows(y0, y1)` and then `beside(y0, y1)`, which reads one more row on either side, on all rows. `beside` runs
 // while its rows are in the cache, except where the rows of two threads meet.
 template <class RowFunction, class BesideFunction>
