@@ -323,9 +323,9 @@ class Model:
     def _blend_aovs(
         self, steps: Sequence[ModelStep], next_histories: Sequence[History], reports: Sequence[StepReport]
     ) -> None:
-        """Write the AOVs of the steps that ask for them to their next histories.
+        """Blend the AOVs of the steps that ask for them, and write them to their next histories.
 
-        The GPU backend keeps its own.
+        The GPU backend has blended its own in the step.
         """
         asking = [k for k, step in enumerate(steps) if "aovs" in step.outputs and self.executor != "gpu"]
         if not asking:

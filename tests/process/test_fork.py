@@ -71,7 +71,7 @@ thread.join()
 
 @pytest.mark.parametrize("executor", ["cpu", "onnx"])
 def test_a_forked_child_ends(executor: str) -> None:
-    """It frees the model, whose threads it lacks."""
+    """The child frees the model, although it has none of the model's threads."""
     run_apart(f"""{STEP}
 import os, signal, sys, warnings
 warnings.simplefilter("ignore", DeprecationWarning)  # Python 3.12 warns of forks beside threads

@@ -77,7 +77,7 @@ def hostile(render: Size) -> list[Frame]:
 
 @pytest.mark.parametrize("value", [0.5, 0.7, 1.0])
 def test_frames_after_a_title_card_of_one_colour_are_alike(models: Models, value: float) -> None:
-    """Rounding does not decide whether the light of the first one is a flash."""
+    """Rounding does not decide whether the light of the first frame after the card is a flash."""
     frames = [noise(index, exposure=1.0) for index in range(6)]
     frames[:3] = [replace(frame, color=np.full_like(frame.color, value)) for frame in frames[:3]]
     for ours, theirs in step_both(models, "taau", frames, (64, 36)):

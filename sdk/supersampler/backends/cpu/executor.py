@@ -132,11 +132,7 @@ class CpuExecutor:
                 arrays["weight"] = weight
             if history is not None:
                 arrays["previous"] = np.ascontiguousarray(history[0].transpose(1, 2, 0))
-            data = native.AovData(*frame.size, *display, given.shape[2])
-            data.jitter[:] = frame.jitter
-            for name, array in arrays.items():
-                setattr(data, name, array.ctypes.data)
-            views[place] = data
+            views[place] = native.view_of(native.AovData, frame, display, given.shape[2], arrays)
             alive.append(arrays)
             results.append(image.transpose(2, 0, 1)[None])
         self._library.call("ss_blend_aovs", self._model.handle, views, len(requests))

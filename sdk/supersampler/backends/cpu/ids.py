@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.backends.cpu.library import IdData, cpu_library
+from supersampler.backends.cpu.library import IdData, cpu_library, view_of
 from supersampler.frame import Float32, Frame, Size
 
 UInt32 = NDArray[np.uint32]
@@ -60,11 +60,7 @@ def resample_ids(requests: Sequence[IdRequest], model: c_void_p | None) -> list[
         }
         if history is not None:
             arrays |= {"previous": history.ids, "previous_distance": history.distance}
-        data = IdData(*frame.size, *display, channels)
-        data.jitter[:] = frame.jitter
-        for name, array in arrays.items():
-            setattr(data, name, array.ctypes.data)
-        views[place] = data
+        views[place] = view_of(IdData, frame, display, channels, arrays)
         alive.append(arrays)
         results.append(result)
     cpu_library().call("ss_resample_ids", model, views, len(requests))

@@ -7,13 +7,14 @@ from collections.abc import Generator, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.arguments import overlaps_itself
 from supersampler.errors import INCOMPLETE_PACKAGE, LibraryError, ModelError, SupersamplerError
+from supersampler.frame import Frame, Size
 
 VERSION = 100
 """`ss_version` that this package needs."""
@@ -160,6 +161,20 @@ class AovData(ct.Structure):
         ("jitter", ct.c_float * 2),
         *((name, ct.c_void_p) for name in ("weight", "previous", "image")),
     )
+
+
+View = TypeVar("View", IdData, AovData)
+
+
+def view_of(
+    kind: type[View], frame: Frame, display: Size, channels: int, arrays: Mapping[str, NDArray[Any]]
+) -> View:
+    """Return the data of one view of `frame`, of packed arrays by name, which the caller keeps alive."""
+    data = kind(*frame.size, *display, channels)
+    data.jitter[:] = frame.jitter
+    for name, array in arrays.items():
+        setattr(data, name, array.ctypes.data)
+    return data
 
 
 class TemporalFrame(ct.Structure):
