@@ -23,18 +23,25 @@ const Method* find_method(const char* name) {
 
 #ifdef __linux__
 // Large arrays in huge pages: steps read and write hundreds of megabytes from end to end.
+constexpr size_t HUGE_PAGE = 1 << 21;
+
+static size_t whole_pages(size_t bytes) { return (bytes + HUGE_PAGE - 1) / HUGE_PAGE * HUGE_PAGE; }
+
 static void* allocate_default(void*, size_t bytes) {
-    constexpr size_t HUGE_PAGE = 1 << 21;
-    if (bytes < 2 * HUGE_PAGE) return malloc(bytes);
-    void* memory = nullptr;
-    if (posix_memalign(&memory, HUGE_PAGE, bytes) != 0) return nullptr;
-    madvise(memory, bytes, MADV_HUGEPAGE);  // without them, small pages are used
+    if (bytes < 2 * HUGE_PAGE) return calloc(1, bytes);
+    void* memory = mmap(nullptr, whole_pages(bytes), PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    if (memory == MAP_FAILED) return nullptr;
+    madvise(memory, whole_pages(bytes), MADV_HUGEPAGE);  // without them, small pages are used
     return memory;
 }
+static void release_default(void*, void* memory, size_t bytes) {
+    if (bytes < 2 * HUGE_PAGE) free(memory);
+    else munmap(memory, whole_pages(bytes));
+}
 #else
-static void* allocate_default(void*, size_t bytes) { return malloc(bytes); }
-#endif
+static void* allocate_default(void*, size_t bytes) { return calloc(1, bytes); }
 static void release_default(void*, void* memory, size_t) { free(memory); }
+#endif
 
 static History* history_of(ss_history* handle) { return reinterpret_cast<History*>(handle); }
 static Model* model_of(ss_model* handle) { return reinterpret_cast<Model*>(handle); }
@@ -77,7 +84,7 @@ static ss_status make_model(const Method* method, const ss_options* given, Model
         return fail(error, SS_BAD_ARGUMENT, "instructions is '%.64s', which this CPU does not have; want '%s' or NULL",
                     options.instructions, find_kernels(nullptr)->name);
     const Allocator allocator = {options.allocate ? options.allocate : allocate_default,
-                                 options.release ? options.release : release_default, options.user};
+                                 options.release ? options.release : release_default, options.user, !options.allocate};
     *model = create<Model>(allocator, allocator, options);
     if (!*model) return fail(error, SS_NO_MEMORY, "no memory for a model");
     (*model)->method = method;

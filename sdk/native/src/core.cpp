@@ -47,7 +47,8 @@ void* Arena::taken(size_t count) {
     last_ = block;
     bytes_ += bytes;
     const uintptr_t first = (reinterpret_cast<uintptr_t>(block + 1) + shift + LINE - 1) / LINE * LINE;
-    return memset(reinterpret_cast<void*>(first), 0, count + LINE);
+    void* memory = reinterpret_cast<void*>(first);
+    return allocator_.zeroes ? memory : memset(memory, 0, count + LINE);
 }
 
 }  // namespace ss

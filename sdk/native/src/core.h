@@ -65,6 +65,7 @@ struct Allocator {
     void* (*allocate)(void* user, size_t bytes);
     void (*release)(void* user, void* memory, size_t bytes);
     void* user;
+    bool zeroes;  // whether memory is zero: then the system maps pages as they are written, and none is cleared twice
 };
 
 // Arrays that are freed together. Each starts at a cache line of its own, is zero, and has a spare line after it.
