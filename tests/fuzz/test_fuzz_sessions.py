@@ -109,7 +109,8 @@ def test_images_are_those_of_a_plain_session(method: str, executor: ExecutorName
     ours, other, plain = (Upscaler(model, skip=skip, **options) for skip in (True, True, False))
     for step in range(STEPS):
         frame, stranger = frame_at(step, ours, rng), frame_at(step + 9, ours, rng)
-        names = tuple(name for name in OUTPUTS if rng.random() < 0.4)
+        names: Any = tuple(name for name in OUTPUTS if rng.random() < 0.4)
+        found: Any
         if rng.random() < 0.2:
             refused(ours, frame, rng)
         if rng.random() < 0.1:
@@ -127,7 +128,8 @@ def test_images_are_those_of_a_plain_session(method: str, executor: ExecutorName
             found = ours.step(given, out=out, outputs=names)
         expected = plain.step(frame, outputs=names)
         for name in ("image", *names):
-            mine, theirs = (getattr(one, name) if names else one for one in (found, expected))
+            mine: Any = getattr(found, name) if names else found
+            theirs: Any = getattr(expected, name) if names else expected
             np.testing.assert_array_equal(mine, theirs, f"{name} of step {step}")
             mine[...] = 7  # the caller may write to results and to frames
         for array in arrays.values():
