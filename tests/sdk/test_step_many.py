@@ -13,6 +13,7 @@ from recorded_files import replayed
 from shared_models import shared_model
 from supersampler import ArgumentError, Frame, FrameError, Model, Upscaler
 from supersampler.arguments import ExecutorName
+from supersampler.recording.recorder import Recorder
 
 SIZES = ((32, 18), (20, 26), (32, 18), (9, 9), (32, 18))
 
@@ -175,3 +176,27 @@ def test_recorded_views_replay_alone(tmp_path: Path) -> None:
     for view, upscaler in enumerate(views):
         upscaler.close()
         assert [step.exact for step in replayed(tmp_path / f"{view}")] == [True] * 3
+
+
+def test_ctrl_c_while_a_view_is_recorded_removes_no_step_of_another(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model = Model.load("taau", threads=1)
+    views = [Upscaler(model, display_size=(64, 36), record=tmp_path / f"{view}") for view in range(2)]
+    frames = [[noise(10 * view + index, reset=index == 0) for view in range(2)] for index in range(3)]
+    Upscaler.step_many(views, frames[0])
+    with monkeypatch.context() as patch:
+
+        def interrupted(*_: Any) -> None:
+            patch.undo()
+            raise KeyboardInterrupt
+
+        patch.setattr(Recorder, "_write_outcome", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            Upscaler.step_many(views, frames[1])
+    assert [upscaler.stats.frames for upscaler in views] == [2, 2]
+    Upscaler.step_many(views, frames[2])
+    for upscaler in views:
+        upscaler.close()
+    exact = [[step.exact for step in replayed(tmp_path / f"{view}")] for view in range(2)]
+    assert exact == [[True, True, True], [True, None, True]]  # the outcome of one step was not recorded
