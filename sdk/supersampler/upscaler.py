@@ -1,11 +1,13 @@
 """`Upscaler`: a `Model` and the history of one camera."""
 
 import time
+from collections import deque
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from copy import copy
 from dataclasses import replace
 from functools import partial
+from itertools import chain, repeat
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, NamedTuple, NoReturn, TypeAlias, get_args, overload
@@ -340,11 +342,15 @@ class Upscaler:
             ]
             made = upscalers[0].model.run_checked(steps)
             seconds = (time.perf_counter() - started) / len(steps)
-            for upscaler, step, after, (result, next_history, stages), results in zip(
-                upscalers, steps, following, made, recorded, strict=True
-            ):
-                upscaler._advance(step.history, next_history, seconds, *after, stages)
-                results.append(result)
+            cameras = [
+                upscaler._advanced(step.history, next_history, seconds, *after, stages)
+                for upscaler, step, after, (_, next_history, stages) in zip(
+                    upscalers, steps, following, made, strict=True
+                )
+            ]
+            # no signal handler runs in code without bytecode: all views advance and are recorded, or none
+            advances = map(setattr, upscalers, repeat("_camera"), cameras)
+            deque(chain(advances, map(list.append, recorded, [result for result, *_ in made])), maxlen=0)
         return [result if names else result.image for [result] in recorded]  # type: ignore[return-value]
 
     @overload
@@ -469,7 +475,9 @@ class Upscaler:
                 tensors, history, jitter=jitter, exposure=exposure, pre_exposure=pre_exposure, out=out,
                 history_out=self._camera.spare, adds_samples=ADDED[self.at_rest],
             )  # fmt: skip
-            self._advance(history, next_history, time.perf_counter() - started, self._new_checker())
+            self._camera = self._advanced(
+                history, next_history, time.perf_counter() - started, self._new_checker()
+            )
             results.append(image)
         return image
 
@@ -588,7 +596,9 @@ class Upscaler:
             encoder, gpu_frame.DeviceFrame(given, size, *values, blended), history, image, self._camera.spare,
             adds_samples=ADDED[self.at_rest], skip=self.skip,
         )  # fmt: skip
-        self._advance(history, next_history, time.perf_counter() - started, self._new_checker())
+        self._camera = self._advanced(
+            history, next_history, time.perf_counter() - started, self._new_checker()
+        )
         return image
 
     def reset(self) -> None:
@@ -698,7 +708,9 @@ class Upscaler:
         step, checker = self._checked_step(model, given, frame, out, outputs)
         [(result, next_history, stages)] = model.run_checked([step])
         seconds = time.perf_counter() - started
-        self._advance(step.history, next_history, seconds, checker, shaded, stages, extrapolation_seconds)
+        self._camera = self._advanced(
+            step.history, next_history, seconds, checker, shaded, stages, extrapolation_seconds
+        )
         return result
 
     def _checked_step(
@@ -728,7 +740,7 @@ class Upscaler:
             return self.model.first_history(self.display_size_for(render_size), render_size)
         return self._camera.history
 
-    def _advance(
+    def _advanced(
         self,
         history: History,
         next_history: History,
@@ -737,8 +749,8 @@ class Upscaler:
         shaded: ShadedHistory | None = None,
         stages: Mapping[str, float] | None = None,
         extrapolation_seconds: float | None = None,
-    ) -> None:
-        """Store the result of a step that read `history` and took `seconds`, and its checker."""
+    ) -> CameraState:
+        """Return the state after a step that read `history` and took `seconds`, and its checker."""
         stats, sums = self._camera.stats, dict(self._camera.stats.stages)
         for name, spent in (stages or {}).items():
             sums[name] = sums.get(name, 0.0) + spent
@@ -751,7 +763,7 @@ class Upscaler:
             extrapolation_seconds=stats.extrapolation_seconds + (extrapolation_seconds or 0.0),
             stages=sums,
         )
-        self._camera = CameraState(next_history.display_size, checker, next_history, history, shaded, stats)
+        return CameraState(next_history.display_size, checker, next_history, history, shaded, stats)
 
     def _checked_call(self, frame: Frame, outputs: Collection[str]) -> tuple[str, ...]:
         """Check the arguments that a recording stores; return the names of the outputs."""
