@@ -10,7 +10,7 @@ from functools import partial
 from itertools import chain, repeat
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, NamedTuple, NoReturn, TypeAlias, get_args, overload
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, TypeAlias, get_args, overload
 
 import numpy as np
 from numpy.lib.array_utils import byte_bounds
@@ -262,7 +262,7 @@ class Upscaler:
         outputs = self._checked_call(frame, outputs)
         with self._recorded("step", frame, outputs) as results:
             shaded = self._after_shaded(frame)
-            results.append(self._upscale(self.model, frame, frame, shaded, out, outputs))
+            self._upscale(self.model, frame, frame, shaded, out, outputs, results)
         return results[0] if outputs else results[0].image
 
     @overload
@@ -348,9 +348,7 @@ class Upscaler:
                     upscalers, steps, following, made, strict=True
                 )
             ]
-            # no signal handler runs in code without bytecode: all views advance and are recorded, or none
-            advances = map(setattr, upscalers, repeat("_camera"), cameras)
-            deque(chain(advances, map(list.append, recorded, [result for result, *_ in made])), maxlen=0)
+            _store(upscalers, cameras, recorded, [result for result, *_ in made])
         return [result if names else result.image for [result] in recorded]  # type: ignore[return-value]
 
     @overload
@@ -391,7 +389,7 @@ class Upscaler:
             color, shaded = self._extrapolator.extrapolate(frame, self._camera.shaded)
             took = time.perf_counter() - started
             model, shaded_frame = self._on_extrapolated, replace(frame, color=color)
-            results.append(self._upscale(model, frame, shaded_frame, shaded, out, outputs, took))
+            self._upscale(model, frame, shaded_frame, shaded, out, outputs, results, took)
         return results[0] if outputs else results[0].image
 
     @arguments.ieee_arithmetic
@@ -419,8 +417,9 @@ class Upscaler:
         # the motion since the last shaded frame would lack that of this frame
         self._check_no_extrapolation("step_computed", "`extrapolate` takes frames without colour.")
         shaded_frame, model = replace(frame, color=color), self.model.on_extrapolated
-        result = self._upscale(model, frame, shaded_frame, None, None, outputs)
-        return result if outputs else result.image
+        results: list[StepResult] = []
+        self._upscale(model, frame, shaded_frame, None, None, outputs, results)
+        return results[0] if outputs else results[0].image
 
     @arguments.ieee_arithmetic
     def step_tensors(
@@ -475,10 +474,8 @@ class Upscaler:
                 tensors, history, jitter=jitter, exposure=exposure, pre_exposure=pre_exposure, out=out,
                 history_out=self._camera.spare, adds_samples=ADDED[self.at_rest],
             )  # fmt: skip
-            self._camera = self._advanced(
-                history, next_history, time.perf_counter() - started, self._new_checker()
-            )
-            results.append(image)
+            camera = self._advanced(history, next_history, time.perf_counter() - started, self._new_checker())
+            _store([self], [camera], [results], [image])
         return image
 
     @arguments.ieee_arithmetic
@@ -701,17 +698,18 @@ class Upscaler:
         shaded: ShadedHistory | None,
         out: Float32 | None,
         outputs: Collection[str],
+        results: list[StepResult],
         extrapolation_seconds: float | None = None,
-    ) -> StepResult:
-        """Step on `frame`, which is `given`, or `given` with an extrapolated colour."""
+    ) -> None:
+        """Step on `frame`, which is `given`, or `given` with an extrapolated colour; append to `results`."""
         started = time.perf_counter()
         step, checker = self._checked_step(model, given, frame, out, outputs)
         [(result, next_history, stages)] = model.run_checked([step])
         seconds = time.perf_counter() - started
-        self._camera = self._advanced(
+        camera = self._advanced(
             step.history, next_history, seconds, checker, shaded, stages, extrapolation_seconds
         )
-        return result
+        _store([self], [camera], [results], [result])
 
     def _checked_step(
         self, model: Model, given: Frame, frame: Frame, out: Float32 | None, outputs: Collection[str]
@@ -806,6 +804,20 @@ class Upscaler:
             want = "both with a history"
             raise ArgumentError("state", got="without display_size or render_size", want=want)
         return replace(state, method=method, display_size=display, render_size=render, version=STATE_VERSION)
+
+
+def _store(
+    upscalers: Sequence[Upscaler],
+    cameras: Sequence[CameraState],
+    recorded: Sequence[list[Any]],
+    results: Sequence[Any],
+) -> None:
+    """Store the states after steps, and append the results to the lists that are recorded: all or nothing.
+
+    No signal handler runs inside a call that executes no bytecode.
+    """
+    states = map(setattr, upscalers, repeat("_camera"), cameras)
+    deque(chain(states, map(list.append, recorded, results)), maxlen=0)
 
 
 def _checked_views(
