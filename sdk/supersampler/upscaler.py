@@ -1,14 +1,16 @@
 """`Upscaler`: a `Model` and the history of one camera."""
 
 import time
+from collections import deque
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from copy import copy
 from dataclasses import replace
 from functools import partial
+from itertools import chain, repeat
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, NamedTuple, NoReturn, TypeAlias, get_args, overload
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, TypeAlias, get_args, overload
 
 import numpy as np
 from numpy.lib.array_utils import byte_bounds
@@ -260,7 +262,7 @@ class Upscaler:
         outputs = self._checked_call(frame, outputs)
         with self._recorded("step", frame, outputs) as results:
             shaded = self._after_shaded(frame)
-            results.append(self._upscale(self.model, frame, frame, shaded, out, outputs))
+            self._upscale(self.model, frame, frame, shaded, out, outputs, results)
         return results[0] if outputs else results[0].image
 
     @overload
@@ -340,11 +342,13 @@ class Upscaler:
             ]
             made = upscalers[0].model.run_checked(steps)
             seconds = (time.perf_counter() - started) / len(steps)
-            for upscaler, step, after, (result, next_history, stages), results in zip(
-                upscalers, steps, following, made, recorded, strict=True
-            ):
-                upscaler._advance(step.history, next_history, seconds, *after, stages)
-                results.append(result)
+            cameras = [
+                upscaler._advanced(step.history, next_history, seconds, *after, stages)
+                for upscaler, step, after, (_, next_history, stages) in zip(
+                    upscalers, steps, following, made, strict=True
+                )
+            ]
+            _store(upscalers, cameras, recorded, [result for result, *_ in made])
         return [result if names else result.image for [result] in recorded]  # type: ignore[return-value]
 
     @overload
@@ -385,7 +389,7 @@ class Upscaler:
             color, shaded = self._extrapolator.extrapolate(frame, self._camera.shaded)
             took = time.perf_counter() - started
             model, shaded_frame = self._on_extrapolated, replace(frame, color=color)
-            results.append(self._upscale(model, frame, shaded_frame, shaded, out, outputs, took))
+            self._upscale(model, frame, shaded_frame, shaded, out, outputs, results, took)
         return results[0] if outputs else results[0].image
 
     @arguments.ieee_arithmetic
@@ -413,8 +417,9 @@ class Upscaler:
         # the motion since the last shaded frame would lack that of this frame
         self._check_no_extrapolation("step_computed", "`extrapolate` takes frames without colour.")
         shaded_frame, model = replace(frame, color=color), self.model.on_extrapolated
-        result = self._upscale(model, frame, shaded_frame, None, None, outputs)
-        return result if outputs else result.image
+        results: list[StepResult] = []
+        self._upscale(model, frame, shaded_frame, None, None, outputs, results)
+        return results[0] if outputs else results[0].image
 
     @arguments.ieee_arithmetic
     def step_tensors(
@@ -469,8 +474,8 @@ class Upscaler:
                 tensors, history, jitter=jitter, exposure=exposure, pre_exposure=pre_exposure, out=out,
                 history_out=self._camera.spare, adds_samples=ADDED[self.at_rest],
             )  # fmt: skip
-            self._advance(history, next_history, time.perf_counter() - started, self._new_checker())
-            results.append(image)
+            camera = self._advanced(history, next_history, time.perf_counter() - started, self._new_checker())
+            _store([self], [camera], [results], [image])
         return image
 
     @arguments.ieee_arithmetic
@@ -588,7 +593,9 @@ class Upscaler:
             encoder, gpu_frame.DeviceFrame(given, size, *values, blended), history, image, self._camera.spare,
             adds_samples=ADDED[self.at_rest], skip=self.skip,
         )  # fmt: skip
-        self._advance(history, next_history, time.perf_counter() - started, self._new_checker())
+        self._camera = self._advanced(
+            history, next_history, time.perf_counter() - started, self._new_checker()
+        )
         return image
 
     def reset(self) -> None:
@@ -691,15 +698,18 @@ class Upscaler:
         shaded: ShadedHistory | None,
         out: Float32 | None,
         outputs: Collection[str],
+        results: list[StepResult],
         extrapolation_seconds: float | None = None,
-    ) -> StepResult:
-        """Step on `frame`, which is `given`, or `given` with an extrapolated colour."""
+    ) -> None:
+        """Step on `frame`, which is `given`, or `given` with an extrapolated colour; append to `results`."""
         started = time.perf_counter()
         step, checker = self._checked_step(model, given, frame, out, outputs)
         [(result, next_history, stages)] = model.run_checked([step])
         seconds = time.perf_counter() - started
-        self._advance(step.history, next_history, seconds, checker, shaded, stages, extrapolation_seconds)
-        return result
+        camera = self._advanced(
+            step.history, next_history, seconds, checker, shaded, stages, extrapolation_seconds
+        )
+        _store([self], [camera], [results], [result])
 
     def _checked_step(
         self, model: Model, given: Frame, frame: Frame, out: Float32 | None, outputs: Collection[str]
@@ -728,7 +738,7 @@ class Upscaler:
             return self.model.first_history(self.display_size_for(render_size), render_size)
         return self._camera.history
 
-    def _advance(
+    def _advanced(
         self,
         history: History,
         next_history: History,
@@ -737,8 +747,8 @@ class Upscaler:
         shaded: ShadedHistory | None = None,
         stages: Mapping[str, float] | None = None,
         extrapolation_seconds: float | None = None,
-    ) -> None:
-        """Store the result of a step that read `history` and took `seconds`, and its checker."""
+    ) -> CameraState:
+        """Return the state after a step that read `history` and took `seconds`, and its checker."""
         stats, sums = self._camera.stats, dict(self._camera.stats.stages)
         for name, spent in (stages or {}).items():
             sums[name] = sums.get(name, 0.0) + spent
@@ -751,7 +761,7 @@ class Upscaler:
             extrapolation_seconds=stats.extrapolation_seconds + (extrapolation_seconds or 0.0),
             stages=sums,
         )
-        self._camera = CameraState(next_history.display_size, checker, next_history, history, shaded, stats)
+        return CameraState(next_history.display_size, checker, next_history, history, shaded, stats)
 
     def _checked_call(self, frame: Frame, outputs: Collection[str]) -> tuple[str, ...]:
         """Check the arguments that a recording stores; return the names of the outputs."""
@@ -794,6 +804,20 @@ class Upscaler:
             want = "both with a history"
             raise ArgumentError("state", got="without display_size or render_size", want=want)
         return replace(state, method=method, display_size=display, render_size=render, version=STATE_VERSION)
+
+
+def _store(
+    upscalers: Sequence[Upscaler],
+    cameras: Sequence[CameraState],
+    recorded: Sequence[list[Any]],
+    results: Sequence[Any],
+) -> None:
+    """Store the states after steps, and append the results to the lists that are recorded: all or nothing.
+
+    No signal handler runs inside a call that executes no bytecode.
+    """
+    states = map(setattr, upscalers, repeat("_camera"), cameras)
+    deque(chain(states, map(list.append, recorded, results)), maxlen=0)
 
 
 def _checked_views(

@@ -565,6 +565,15 @@ def test_a_closed_output_pipe_ends_without_a_message(words: list[str]) -> None:
     assert python(CLOSED, *words).stderr == ""
 
 
+def test_a_run_whose_output_pipe_closes_does_not_count_as_done(tmp_path: Path) -> None:
+    words = ["upscale", "plaza", "-o", str(tmp_path / "out"), "--method", "bilinear", "--json"]
+    stopped = python(CLOSED, *words)
+    assert (stopped.returncode, stopped.stderr) == (141, "")
+    assert not (tmp_path / "out" / "0015.exr").exists()
+    assert python("from supersampler.cli import main; main()", *words).returncode == 0
+    assert (tmp_path / "out" / "0015.exr").exists()
+
+
 # --- `supersampler demo` ---
 
 

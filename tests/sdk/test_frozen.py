@@ -87,6 +87,51 @@ def test_skipping_changes_no_bit_of_images_maps_and_states(method: str) -> None:
 
 
 @pytest.mark.parametrize(("method", "executor"), WAYS)
+def test_a_repeated_step_may_reuse_the_history_of_one_that_unfroze_a_part(method: str, executor: str) -> None:
+    """As after an error between the step and the end of the call."""
+    model = shared_model(method, executor)
+    history = model.first_history(DISPLAY, RENDER)
+    for index in range(2 * PERIOD + 2):
+        _, history = model.run(scene(index), history)
+    mask = np.zeros(RENDER[::-1], np.float32)
+    mask[8:12, 8:20] = 0.5
+    frame = scene(2 * PERIOD + 2)
+    _, abandoned = model.run(replace(frame, reactive=mask), history)
+    image, expected = model.run(frame, history)
+    again, repeated = model.run(frame, history, history_out=abandoned)
+    np.testing.assert_array_equal(again, image)
+    np.testing.assert_equal(model.save_history(repeated), model.save_history(expected))
+
+
+def test_skipping_changes_no_bit_where_frozen_surfaces_change_their_reflectance() -> None:
+    """Beside tiles that move, the history of frozen ones is gathered, too."""
+    model, display = shared_model("gbuffer-fast", "cpu"), (96, 64)
+    ours, theirs = (
+        Upscaler(model, display_size=display, validate="off", skip=skip) for skip in (True, False)
+    )
+    ones = np.ones((64, 96, 3), np.float32)
+    depth = 0.1 * ones[..., 0]
+    for index in range(24):
+        speed = np.zeros((64, 96, 2), np.float32)
+        speed[:, 80:] = float(index >= 20)
+        buffers = {
+            "base_color": (0.2 if index >= 20 else 0.8) * ones,
+            "normal": ones * np.array([0, 0, 1], np.float32),
+        }
+        frame = Frame(
+            color=(0.6 if index > 21 else 0.4) * ones + speed[..., :1],
+            depth=depth,
+            motion=speed,
+            jitter=halton_jitter(index, 1.0),
+            exposure=1.0,
+            gbuffer=buffers,
+            gbuffer_display={**buffers, "depth": depth},
+        )
+        np.testing.assert_array_equal(ours.step(frame), theirs.step(frame), f"frame {index}")
+        assert (ours.stats.converged == 1.0) == (15 <= index < 20)
+
+
+@pytest.mark.parametrize(("method", "executor"), WAYS)
 def test_a_change_unfreezes_its_surroundings_in_the_same_frame(method: str, executor: str) -> None:
     upscaler = make(method, executor)
     before = run(upscaler, range(2 * PERIOD + 2)).image

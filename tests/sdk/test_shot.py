@@ -296,6 +296,31 @@ def test_a_frame_that_a_reader_would_refuse_is_not_written(tmp_path: Path) -> No
     assert list(tmp_path.iterdir()) == []
 
 
+def test_ids_and_aovs_that_a_reader_would_lose_or_refuse_are_not_written(tmp_path: Path) -> None:
+    def raw(count: int, *names: str) -> RawFrame:
+        aovs = np.ones((9, 16, count), np.float32)
+        motion = np.zeros((9, 16, 2), np.float32)
+        return RawFrame(depth=aovs[..., 0], motion=motion, aovs=aovs, aov_names=names or None)
+
+    first = ShotWriter(tmp_path, name="test", display_size=None, frame_rate=24)
+    with pytest.raises(FrameError, match=r"frame\.ids is .*; want None\. Shots have none"):
+        first.write(replace(frame(0), ids=np.ones((*SIZE[::-1], 1), np.int32)))
+    with pytest.raises(FrameError, match=r"frame\.aovs is 2 channels; want 1, named \('A',\)"):
+        first.write(raw(2, "A"))
+    with pytest.raises(ShotError, match=r"aov_names is \('A', 'R'\); want names that differ"):
+        first.write(raw(2, "A", "R"))
+    assert list(tmp_path.iterdir()) == []
+    first.write(raw(2, "A", "Z"))
+    with pytest.raises(
+        FrameError, match=r"frame\.aov_names is \('Z', 'A'\); want \('A', 'Z'\), as in the first"
+    ):
+        first.write(raw(2, "Z", "A"))
+    with pytest.raises(FrameError, match=r"frame\.aovs is 3 channels; want 2"):
+        first.write(raw(3))
+    first.write(raw(2))
+    assert [item.raw.aov_names for item in Shot.open(tmp_path)] == [("A", "Z")] * 2
+
+
 @pytest.mark.parametrize(
     ("options", "error", "message"),
     [

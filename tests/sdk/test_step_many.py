@@ -1,7 +1,12 @@
 """`Upscaler.step_many`: several cameras in one call."""
 
+import sys
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
+from itertools import count
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 import numpy as np
@@ -13,6 +18,8 @@ from recorded_files import replayed
 from shared_models import shared_model
 from supersampler import ArgumentError, Frame, FrameError, Model, Upscaler
 from supersampler.arguments import ExecutorName
+from supersampler.recording import StepCall, open_recording
+from supersampler.recording.recorder import Recorder
 
 SIZES = ((32, 18), (20, 26), (32, 18), (9, 9), (32, 18))
 
@@ -175,3 +182,69 @@ def test_recorded_views_replay_alone(tmp_path: Path) -> None:
     for view, upscaler in enumerate(views):
         upscaler.close()
         assert [step.exact for step in replayed(tmp_path / f"{view}")] == [True] * 3
+
+
+def test_ctrl_c_while_a_view_is_recorded_removes_no_step_of_another(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model = Model.load("taau", threads=1)
+    views = [Upscaler(model, display_size=(64, 36), record=tmp_path / f"{view}") for view in range(2)]
+    frames = [[noise(10 * view + index, reset=index == 0) for view in range(2)] for index in range(3)]
+    Upscaler.step_many(views, frames[0])
+    with monkeypatch.context() as patch:
+
+        def interrupted(*_: Any) -> None:
+            patch.undo()
+            raise KeyboardInterrupt
+
+        patch.setattr(Recorder, "_write_outcome", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            Upscaler.step_many(views, frames[1])
+    assert [upscaler.stats.frames for upscaler in views] == [2, 2]
+    Upscaler.step_many(views, frames[2])
+    for upscaler in views:
+        upscaler.close()
+    exact = [[step.exact for step in replayed(tmp_path / f"{view}")] for view in range(2)]
+    assert exact == [[True, True, True], [True, None, True]]  # the outcome of one step was not recorded
+
+
+@pytest.mark.parametrize("alone", [True, False])
+def test_ctrl_c_at_any_line_advances_and_records_all_views_or_none(alone: bool, tmp_path: Path) -> None:
+    model = Model.load("taau", threads=1)
+    frames = [noise(10 * view) for view in range(1 if alone else 3)]
+    for line in count():
+        files = [tmp_path / f"{line}.{view}" for view in range(len(frames))]
+        views = [Upscaler(model, display_size=(64, 36), record=file) for file in files]
+        step = partial(views[0].step, frames[0]) if alone else partial(Upscaler.step_many, views, frames)
+        interrupted = interrupted_at(line, step)
+        for upscaler in views:
+            upscaler.close()
+        made = [upscaler.stats.frames for upscaler in views]
+        recorded = [sum(isinstance(call, StepCall) for call in open_recording(file)) for file in files]
+        assert made == recorded, line
+        assert len({*made}) == 1, line
+        if not interrupted:
+            break
+    assert line > 30
+
+
+def interrupted_at(line: int, call: Callable[[], object]) -> bool:
+    """Raise KeyboardInterrupt at the line-th executed line of upscaler.py; return whether it is reached."""
+    lines = count()
+
+    def trace(frame: FrameType, event: str, _: Any) -> Any:
+        if not frame.f_code.co_filename.endswith("upscaler.py"):
+            return None
+        if event == "line" and next(lines) == line:
+            raise KeyboardInterrupt
+        return trace
+
+    before = sys.gettrace()
+    sys.settrace(trace)
+    try:
+        call()
+    except KeyboardInterrupt:
+        return True
+    finally:
+        sys.settrace(before)
+    return False

@@ -204,9 +204,11 @@ static void keep_tiles(Step& step, int64_t generation, bool computes) {
     RestWork& w = step.buffers.rest;
     const Size tiles = tiles_of(step.buffers.display);
     const int count = tiles.width * tiles.height;
+    // tiles of which this step has written a plane: the reflectance is written where the history is gathered
+    const uint8_t* const written = step.model.method->reads_gbuffers ? w.gathered : w.computed;
     bool any_stale = false;
     for (int k = 0; k < count; k++) {
-        w.stale[k] = w.resting[k] && (w.computed[k] || after.generations[k] != before.generations[k]);
+        w.stale[k] = w.resting[k] && (written[k] || after.generations[k] != before.generations[k]);
         any_stale |= w.stale[k] != 0;
         after.generations[k] = w.resting[k] ? before.generations[k] : generation;
     }

@@ -55,6 +55,7 @@ A program that runs a command keeps the other end of this pipe open, and closes 
 pipe also closes when that program ends. This works where SIGINT is ignored or, as on Windows, cannot be sent.
 """
 _INTERRUPTED = 128 + signal.SIGINT
+_PIPE_CLOSED = 128 + 13  # SIGPIPE, which stops other programs: what the command does is not done
 _MAX_LINE, _END = 2000, 500  # characters of an error, and of its end
 _received = [int(signal.SIGINT)]
 
@@ -81,7 +82,7 @@ class Commands(TyperGroup):
             raise
         except BrokenPipeError:  # `| head` has read enough
             os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # Python flushes the rest at its end
-            raise typer.Exit(0) from None
+            raise typer.Exit(_PIPE_CLOSED) from None
         except (SupersamplerError, ModuleNotFoundError, OSError, UnicodeDecodeError, MemoryError) as error:
             line = _line(error)
             if line is None or ctx.params.get("debug"):

@@ -84,7 +84,8 @@ class Recorder:
         """Record the step in a `with` block, which appends its result, a StepResult or tensor, to the list.
 
         The frame is written before the block, so that the recording has it if the step ends the process. A
-        step that raises ArgumentError or KeyboardInterrupt is removed from the recording.
+        step that raises ArgumentError or KeyboardInterrupt before its result is appended is removed from the
+        recording.
 
         Raises:
             RecordingError: the call, or the previous outcome, cannot be written; the block was not run.
@@ -105,14 +106,14 @@ class Recorder:
         try:
             yield results
         except BaseException as error:
-            if isinstance(error, ArgumentError) or not isinstance(error, Exception):
+            if results:  # the step is made; `step_many` failed in another view, or while it was recorded
+                self._write_result(number, index, results)
+            elif isinstance(error, ArgumentError) or not isinstance(error, Exception):
                 self._remove(number)
             else:
                 self._write_outcome(number, raised(error))
             raise
-        [made] = results
-        result = made if isinstance(made, StepResult) else StepResult(image_of_tensor(made))
-        self._write_outcome(number, returned(index, result))
+        self._write_result(number, index, results)
 
     @contextmanager
     def step_tensors(self, tensors: Mapping[str, Tensor], **values: Any) -> Iterator[list[Any]]:
@@ -156,6 +157,12 @@ class Recorder:
         with self._writing():
             recording.write_record(self.path / recording.CALL.format(self._count), record, arrays)
             self._count += 1
+
+    def _write_result(self, number: int, index: int, results: Sequence[Any]) -> None:
+        """Write the outcome of the last call, a step that returned the only one of `results`."""
+        [made] = results
+        result = made if isinstance(made, StepResult) else StepResult(image_of_tensor(made))
+        self._write_outcome(number, returned(index, result))
 
     def _write_outcome(self, number: int, outcome: StepOutcome) -> None:
         """Write the outcome of the last call; if the disk refuses, remove the call, and raise in the next."""

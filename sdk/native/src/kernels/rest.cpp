@@ -94,7 +94,7 @@ void sum_blocks(const RestWork& w, int y0, int y1) {
         }
 }
 
-// Writes the next mean of a rectangle.
+// Writes the next mean of a rectangle. Blocks without a mean are copied, too, as tiles of one generation are equal.
 void add_samples(const RestWork& w, Rect rect) {
     const Samples& s = w.samples;
     for (int y = rect.y0; y < rect.y1; y++) {
@@ -102,10 +102,9 @@ void add_samples(const RestWork& w, Rect rect) {
         const float* samples[] = {linear_row(s, w.sample_rows[2 * y]), linear_row(s, w.sample_rows[2 * y + 1])};
         for (int x = rect.x0; x < rect.x1; x++) {
             const uint8_t mode = modes[w.column_blocks[x]];
-            if (mode == NO_MEAN) continue;
             const ptrdiff_t at = 4 * (static_cast<ptrdiff_t>(y) * w.display.width + x);
             F4 mean = mode == RESTARTS ? F4{} : load4(w.mean + at);
-            if (mode != KEEPS) {
+            if (mode == ADDS || mode == RESTARTS) {
                 F4 added = F4{};
                 for (int tap = 0; tap < 4; tap++) {
                     const float weight =

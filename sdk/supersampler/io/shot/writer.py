@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from supersampler.arguments import as_number, checked_names, checked_path, checked_size
 from supersampler.conventions import Conventions, RawFrame
 from supersampler.conventions.conventions import checked_conventions
-from supersampler.errors import ArgumentError, ShotError, shown
+from supersampler.errors import ArgumentError, FrameError, ShotError, shown
 from supersampler.frame import Array, Frame, Size
 from supersampler.io import files
 from supersampler.io.display_transforms import REC709
@@ -142,7 +142,7 @@ class ShotWriter:
 
         Args:
             frame: a RawFrame in the shot's conventions, or a Frame, which is converted to them. All frames
-                take the AOV names of the first.
+                take the AOV names of the first. It has no `ids`, for which shots have no channels.
             reference: (H, W, 3) display size, linear RGB: the ideal output.
             classes: class maps of the reference.
             truth: planes (H, W) of the reference by name, see `Shot.read_truth`.
@@ -151,7 +151,7 @@ class ShotWriter:
 
         Raises:
             ShotError: the disk refused, or an array is float64. After any error the shot is unchanged.
-            FrameError: the frame breaks the contract.
+            FrameError: the frame breaks the contract, has ids, or has other AOVs than the first frame names.
             ArgumentError: a display-size array does not have the shot's display size, or `classes` or `truth`
                 is given without a reference.
         """
@@ -165,6 +165,8 @@ class ShotWriter:
             info = msgspec.structs.replace(
                 info, render_size=(width, height), aov_names=tuple(raw.aov_names or ())
             )
+            check_info(self._description, info)
+        _check_channels(raw, info.aov_names)
         self._check_display(raw, reference, classes, truth or {})
         has_display_file = raw.gbuffer_display or raw.motion.shape[:2] != raw.depth.shape
         number = f"{len(self._entries):04d}.exr"
@@ -269,6 +271,18 @@ class ShotWriter:
                 size = f"{array.shape[1]}x{array.shape[0]}" if array.ndim >= 2 else str(array.shape)
                 hint = "" if want else "Give the ShotWriter a display_size."
                 raise ArgumentError(name, got=size, want=f"the shot's display size, {want}", hint=hint)
+
+
+def _check_channels(frame: RawFrame, names: tuple[str, ...]) -> None:
+    """Raise FrameError if a shot whose AOVs have these names cannot hold the ids or AOVs of a frame."""
+    if frame.ids is not None:
+        hint = "Shots have none: dataclasses.replace(frame, ids=None)."
+        raise FrameError("ids", got=shown(frame.ids), want="None", hint=hint)
+    given = tuple(frame.aov_names or names)
+    if names and given != names:
+        raise FrameError("aov_names", got=given, want=f"{names}, as in the first frame")
+    if names and frame.aovs is not None and frame.aovs.shape[2] != len(names):
+        raise FrameError("aovs", got=f"{frame.aovs.shape[2]} channels", want=f"{len(names)}, named {names}")
 
 
 def copy_shot(shot: Shot, path: Path | str, *, resume: bool = False) -> Shot:
