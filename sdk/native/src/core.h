@@ -54,6 +54,19 @@ constexpr Size half_of(Size size) { return {divided_up(size.width, 2), divided_u
 // Returns `status`, with a message.
 ss_status fail(ss_error* error, ss_status status, const char* format, ...) __attribute__((format(printf, 3, 4)));
 
+// An argument of the interface.
+struct Given {
+    const char* name;
+    const void* pointer;
+};
+// Checks that no argument is NULL.
+template <size_t N>
+ss_status check_given(const Given (&arguments)[N], ss_error* error) {
+    for (const Given& argument : arguments)
+        if (!argument.pointer) return fail(error, SS_BAD_ARGUMENT, "%s is NULL", argument.name);
+    return SS_OK;
+}
+
 inline ss_status succeed(ss_error* error) {
     if (error) error->message[0] = 0;
     return SS_OK;
