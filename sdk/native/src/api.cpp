@@ -199,15 +199,20 @@ const char* ss_stage_name(int stage) {
 
 ss_status ss_run(ss_model* model, const ss_frame* frame, const ss_history* history, ss_history* next_history,
                  const ss_outputs* outputs, ss_error* error) {
-    if (ss_status status =
-            check_given({{"frame", frame}, {"history", history}, {"next_history", next_history}}, error))
+    if (ss_status status = check_given({{"frame", frame}, {"history", history}, {"next_history", next_history}}, error))
         return status;
     return ss_run_many(model, frame, &history, &next_history, outputs, 1, error);
 }
 
 ss_status ss_run_many(ss_model* model, const ss_frame* frames, const ss_history* const* histories,
                       ss_history* const* next_histories, const ss_outputs* outputs, int count, ss_error* error) {
-    if (ss_status status = check_given({{"model", model}, {"frames", frames}, {"histories", histories}, {"next_histories", next_histories}, {"outputs", outputs}}, error)) return status;
+    if (ss_status status = check_given({{"model", model},
+                                        {"frames", frames},
+                                        {"histories", histories},
+                                        {"next_histories", next_histories},
+                                        {"outputs", outputs}},
+                                       error))
+        return status;
     if (ss_status status = check_count(count, error)) return status;
     for (int k = 0; k < count; k++)
         if (!histories[k] || !next_histories[k]) return fail(error, SS_BAD_ARGUMENT, "a history of view %d is NULL", k);
@@ -222,13 +227,16 @@ ss_status ss_run_many(ss_model* model, const ss_frame* frames, const ss_history*
 
 ss_status ss_extrapolate(ss_model* model, const ss_frame* frame, const ss_shaded* shaded,
                          const ss_extrapolated* outputs, ss_error* error) {
-    if (ss_status status = check_given({{"model", model}, {"frame", frame}, {"shaded", shaded}, {"outputs", outputs}}, error)) return status;
+    if (ss_status status =
+            check_given({{"model", model}, {"frame", frame}, {"shaded", shaded}, {"outputs", outputs}}, error))
+        return status;
     return run_extrapolation(*model_of(model), *frame, *shaded, *outputs, error);
 }
 
 ss_status ss_run_network(ss_model* model, const uint8_t* inputs, int width, int height, float* outputs,
                          ss_error* error) {
-    if (ss_status status = check_given({{"model", model}, {"inputs", inputs}, {"outputs", outputs}}, error)) return status;
+    if (ss_status status = check_given({{"model", model}, {"inputs", inputs}, {"outputs", outputs}}, error))
+        return status;
     return run_network(*model_of(model), inputs, {width, height}, outputs, error);
 }
 
@@ -289,7 +297,8 @@ static void conclude(Upscaler& u, bool succeeded) {
 
 ss_status ss_step_many(ss_upscaler* const* handles, const ss_frame* frames, const ss_outputs* outputs, int count,
                        ss_error* error) {
-    if (ss_status status = check_given({{"upscalers", handles}, {"frames", frames}, {"outputs", outputs}}, error)) return status;
+    if (ss_status status = check_given({{"upscalers", handles}, {"frames", frames}, {"outputs", outputs}}, error))
+        return status;
     if (ss_status status = check_count(count, error)) return status;
     for (int k = 0; k < count; k++) {
         if (!handles[k]) return fail(error, SS_BAD_ARGUMENT, "upscaler %d is NULL", k);

@@ -75,9 +75,24 @@ inline ss_status succeed(ss_error* error) {
 double seconds_now();  // since an arbitrary instant
 
 struct Allocator {
+    static constexpr size_t ALIGNED = 8;  // and the spare bytes of each allocation
     void* (*allocate)(void* user, size_t bytes);
     void (*release)(void* user, void* memory, size_t bytes);
     void* user;
+
+    // Returns memory at a multiple of ALIGNED, whatever the address of the caller's; NULL where there is none. The byte
+    // before it has their distance.
+    void* take(size_t bytes) const {
+        uint8_t* memory = static_cast<uint8_t*>(allocate(user, bytes + ALIGNED));
+        if (!memory) return nullptr;
+        const uint8_t distance = static_cast<uint8_t>(ALIGNED - reinterpret_cast<uintptr_t>(memory) % ALIGNED);
+        memory[distance - 1] = distance;
+        return memory + distance;
+    }
+    void give_back(void* memory, size_t bytes) const {
+        uint8_t* const taken = static_cast<uint8_t*>(memory);
+        release(user, taken - taken[-1], bytes + ALIGNED);
+    }
 };
 
 // Arrays that are freed together. Each starts at a cache line of its own, is zero, and has a spare line after it.
@@ -88,7 +103,7 @@ class Arena {
         while (last_) {
             Block* block = last_;
             last_ = block->before;
-            allocator_.release(allocator_.user, block, block->bytes);
+            allocator_.give_back(block, block->bytes);
         }
     }
     Arena(const Arena&) = delete;
@@ -118,14 +133,15 @@ class Arena {
 // Objects that live in memory of an allocator.
 template <class T, class... Values>
 T* create(const Allocator& allocator, Values&&... values) {
-    void* memory = allocator.allocate(allocator.user, sizeof(T));
+    static_assert(alignof(T) <= Allocator::ALIGNED);
+    void* memory = allocator.take(sizeof(T));
     return memory ? new (memory) T{static_cast<Values&&>(values)...} : nullptr;
 }
 template <class T>
 void destroy(const Allocator& allocator, T* object) {
     if (!object) return;
     object->~T();
-    allocator.release(allocator.user, object, sizeof(T));
+    allocator.give_back(object, sizeof(T));
 }
 
 }  // namespace ss

@@ -127,7 +127,8 @@ ss_status ss_filter_temporal(const ss_temporal* t, ss_error* error) {
             (t->frames[0].noisy && !frame.noisy))
             return fail(error, SS_BAD_ARGUMENT, "frame %d of the window lacks color, noisy, guides or aovs", k);
         if (t->image == frame.color || t->image == frame.noisy)
-            return fail(error, SS_BAD_ARGUMENT, "image is in the memory of frame %d of the window; want other memory", k);
+            return fail(error, SS_BAD_ARGUMENT, "image is in the memory of frame %d of the window; want other memory",
+                        k);
     }
     float* scratch = static_cast<float*>(malloc(sizeof(float) * TemporalFilter::SCRATCH));
     if (!scratch) return fail(error, SS_NO_MEMORY, "no memory for the temporal filter");
@@ -165,14 +166,16 @@ static float mismatch_of(float a, float b) {
 ss_status ss_scatter_motion(const ss_scatter* s, float* motion, float* mismatch, ss_error* error) {
     if (ss_status status = check_given({{"frames", s}, {"motion", motion}, {"mismatch", mismatch}}, error))
         return status;
-    if (ss_status status = check_given(
-            {{"depth", s->depth}, {"next_depth", s->next_depth}, {"next_motion", s->next_motion}}, error))
+    if (ss_status status =
+            check_given({{"depth", s->depth}, {"next_depth", s->next_depth}, {"next_motion", s->next_motion}}, error))
         return status;
     const float* const arrays[] = {s->depth, s->next_depth, s->next_motion};
     for (const float* array : arrays)
         if (array == motion || array == mismatch)
             return fail(error, SS_BAD_ARGUMENT, "motion or mismatch is in the memory of %s; want other memory",
-                        array == arrays[0] ? "depth" : array == arrays[1] ? "next_depth" : "next_motion");
+                        array == arrays[0]   ? "depth"
+                        : array == arrays[1] ? "next_depth"
+                                             : "next_motion");
     if (ss_status status = check_size(s->width, s->height, "the frame", error)) return status;
     if (ss_status status = check_size(s->next_width, s->next_height, "the next frame", error)) return status;
     if (ss_status status = check_jitter(s->jitter, error)) return status;

@@ -6,6 +6,7 @@
 namespace ss {
 
 View view_of(const ss_image& image, int width, int channels) {
+    if (!image.data) return {};  // the rest of it may not be initialised
     ptrdiff_t size = image.type == SS_FLOAT32 ? 4 : image.type == SS_FLOAT16 ? 2 : 1;
     ptrdiff_t channel = image.channel_stride ? image.channel_stride : size;
     ptrdiff_t pixel = image.pixel_stride ? image.pixel_stride : channels * size;

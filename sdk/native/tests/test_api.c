@@ -487,6 +487,27 @@ static void memory_may_end_anywhere(void) {
     CHECK(succeeded, "it never succeeds");
 }
 
+static void* allocate_odd(void* user, size_t bytes) {
+    char* memory = malloc(bytes + *(const int*)user);
+    return memory ? memory + *(const int*)user : NULL;
+}
+static void release_odd(void* user, void* memory, size_t bytes) {
+    memset(memory, 0xEE, bytes);
+    free((char*)memory - *(const int*)user);
+}
+
+/* Memory of the caller may be at any address; the sanitizers see what reads it otherwise. */
+static void allocated_memory_has_any_address(void) {
+    for (int m = 0; m < METHODS; m++)
+        for (int shift = 0; shift < 8; shift += 1 + 2 * m % 3) {
+            ss_options options;
+            memset(&options, 0, sizeof options);
+            options.allocate = allocate_odd, options.release = release_odd, options.user = &shift;
+            run(methods[m], &options, images[shift > 0]);
+            CHECK(shift == 0 || memcmp(images[0], images[1], sizeof images[0]) == 0, "%s, shift %d", methods[m], shift);
+        }
+}
+
 enum { RESTING = 5 };
 
 /* Steps still frames, of which one has another size, to bytes. Returns how many calls were refused for lack of memory; the
@@ -702,9 +723,8 @@ static void null_arguments_are_named(void) {
     const ss_image image = {p.color, SS_FLOAT32, 0, 0, 0};
     float* const values = images[1];
     size_t bytes = 0;
-#define NAMED(name, call)                                                                  \
-    CHECK((call) == SS_BAD_ARGUMENT && strstr(error.message, name " is NULL"), "%s: %s", #call, \
-          error.message)
+#define NAMED(name, call) \
+    CHECK((call) == SS_BAD_ARGUMENT && strstr(error.message, name " is NULL"), "%s: %s", #call, error.message)
     NAMED("name", ss_model_create(NULL, NULL, &made, &error));
     NAMED("model", ss_model_create("taau", NULL, NULL, &error));
     NAMED("bytes", ss_model_create_from_bytes(NULL, 8, NULL, &made, &error));
@@ -1278,6 +1298,7 @@ int main(void) {
     images_of_half_floats_saturate();
     extrapolated_motion_of_half_floats_has_its_sign();
     memory_may_end_anywhere();
+    allocated_memory_has_any_address();
     one_failed_allocation_refuses_one_call();
     changes_of_size_keep_no_memory();
     the_converged_fraction_counts_pixels();
