@@ -107,6 +107,21 @@ assert signal.sigwait([signal.SIGTERM]) == signal.SIGTERM
     )
 
 
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="this system does not list threads")
+def test_threads_do_not_block_signals_of_faults_and_sandboxes() -> None:
+    run_apart(f"""{STEP}
+import signal
+from pathlib import Path
+u = upscaler("taau", executor="cpu", threads=4)
+u.step(noise(0))
+status = [(task / "status").read_text().splitlines() for task in Path("/proc/self/task").iterdir()]
+masks = [int(line.split()[1], 16) for lines in status for line in lines if line.startswith("SigBlk")]
+assert sum(mask >> signal.SIGTERM - 1 & 1 for mask in masks) >= 3, masks
+for name in ("SIGSEGV", "SIGBUS", "SIGFPE", "SIGILL", "SIGTRAP", "SIGABRT", "SIGSYS"):
+    assert not any(mask >> getattr(signal, name) - 1 & 1 for mask in masks), (name, masks)
+""")
+
+
 def test_an_exit_raised_in_a_step_ends_the_process() -> None:
     run_apart(f"""{STEP}
 import atexit, signal, sys

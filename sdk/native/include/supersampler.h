@@ -145,8 +145,8 @@ SS_API const char* ss_stage_name(int stage);
  * another output of any view, or a frame. */
 typedef struct ss_outputs {
     ss_image image;     /* 3 channels: linear RGB, finite, >= 0, in the units of the colour */
-    ss_image weight;    /* 1 channel: weight of the history in the image, [0, 1] */
-    ss_image converged; /* 1 channel: 1 where the image is frozen, else 0 */
+    ss_image weight;    /* 1 channel: weight of the history in the image, [0, 1]; 0 of methods without one */
+    ss_image converged; /* 1 channel: 1 where the image is frozen, else 0; 0 of methods without convergence */
     int compute_all;    /* 1: also compute frozen tiles, for tests; the images are the same, bit for bit */
     double* seconds;    /* SS_STAGES wall times by stage, or NULL */
     /* polled on the calling thread during the step: a result other than 0 cancels it; or NULL */
