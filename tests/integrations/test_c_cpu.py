@@ -45,7 +45,7 @@ def prefix(built: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module", params=["find_package", "pkg-config"])
 def programs(request: pytest.FixtureRequest, prefix: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of the programs, built against the installed library."""
-    folder = tmp_path_factory.mktemp("programs")
+    folder = tmp_path_factory.mktemp("programs") / "build"
     if request.param == "find_package":
         ran("cmake", "-S", EXAMPLE, "-B", folder, f"-DCMAKE_PREFIX_PATH={prefix}", CFLAGS="-Werror")
         ran("cmake", "--build", folder)
