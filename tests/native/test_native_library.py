@@ -77,7 +77,8 @@ def test_a_program_may_load_the_library_beside_another_version(path: Path, tmp_p
         pytest.skip("a C compiler is missing")
     host = tmp_path / "host"
     host.with_suffix(".c").write_text(OTHER_VERSION)
-    command = [compiler, host.with_suffix(".c"), f"-I{SOURCES / 'include'}", "-rdynamic", "-ldl", "-o", host]
+    include = f"-I{SOURCES / 'include'}"
+    command: list[str | Path] = [compiler, host.with_suffix(".c"), include, "-rdynamic", "-ldl", "-o", host]
     subprocess.run(command, check=True)
     assert subprocess.run([host, path], check=False).returncode == 0
 
