@@ -271,6 +271,7 @@ ss_status ss_step(ss_upscaler* handle, const ss_frame* frame, const ss_outputs* 
 static ss_status prepare(Upscaler& u, const ss_frame& frame, ss_error* error) {
     const Size render = {frame.width, frame.height};
     if (check_size(render.width, render.height, "the frame", error)) return SS_BAD_FRAME;
+    if (ss_status status = check_ratio(*u.model.method, render, u.display, error)) return status;
     if (u.spare && !u.spare->fits(render)) {
         destroy(u.model.arena.allocator(), u.spare);
         u.spare = nullptr;

@@ -577,6 +577,10 @@ static void changes_of_size_keep_no_memory(void) {
         if (index == 11) kept = allocations;
     }
     CHECK(allocations == kept, "%d allocations, then %d", kept, allocations);
+    ss_frame frame = frame_of(&p, 0);
+    const ss_outputs outputs = outputs_of(images[0]);
+    frame.width = 3, left = 0; /* a size that no step takes needs no memory */
+    CHECK(ss_step(upscaler, &frame, &outputs, &error) == SS_BAD_FRAME && allocations == kept, "%s", error.message);
     ss_upscaler_destroy(upscaler);
     ss_model_destroy(model);
 }
