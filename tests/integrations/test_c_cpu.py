@@ -45,7 +45,7 @@ def prefix(built: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module", params=["find_package", "pkg-config"])
 def programs(request: pytest.FixtureRequest, prefix: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of the programs, built against the installed library."""
-    folder = tmp_path_factory.mktemp("programs")
+    folder = tmp_path_factory.mktemp("programs") / "build"
     if request.param == "find_package":
         ran("cmake", "-S", EXAMPLE, "-B", folder, f"-DCMAKE_PREFIX_PATH={prefix}", CFLAGS="-Werror")
         ran("cmake", "--build", folder)
@@ -133,6 +133,29 @@ def test_a_model_that_does_not_ship_is_named(programs: Path) -> None:
     problem, names = done.stderr.split("; want one of ")
     assert (done.returncode, problem) == (1, "there is no model 'other' in this library")
     assert {"taau", "classifier"} < set(names.strip().split(", "))
+
+
+PLUGIN = """
+#include "supersampler.h"
+
+int ss_version(void) { return SS_VERSION; } /* in the place of the static library */
+
+__attribute__((visibility("default"))) int plugin(void) { return ss_version(); }
+"""
+
+
+def test_plugins_do_not_export_a_static_library(tmp_path: Path) -> None:
+    if any(shutil.which(program) is None for program in ("cmake", "cc", "pkg-config", "nm")):
+        pytest.skip("CMake, a C compiler, pkg-config or nm cannot be found")
+    ran("cmake", "-S", SOURCES, "-B", tmp_path, "-DBUILD_SHARED_LIBS=OFF", "-DSS_TESTS=OFF")
+    found = ran("pkg-config", "--cflags", "--libs", tmp_path / "supersampler.pc").split()
+    assert {"-DSS_STATIC", "-lm", "-pthread"} <= set(found)
+    (tmp_path / "plugin.c").write_text(PLUGIN)
+    flags = "-shared", "-fPIC", "-fvisibility=hidden", "-DSS_STATIC", f"-I{SOURCES / 'include'}"
+    ran("cc", *flags, tmp_path / "plugin.c", "-o", tmp_path / "plugin.so")
+    exported = ran("nm", "-D", "--defined-only", tmp_path / "plugin.so").split()
+    assert [name for name in exported if name.startswith("ss_")] == []
+    assert "plugin" in exported
 
 
 def test_the_code_on_the_page_is_that_of_the_examples() -> None:

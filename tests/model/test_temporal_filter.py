@@ -100,7 +100,7 @@ def test_the_nearest_motion_is_that_of_the_closest_neighbour() -> None:
 
 
 def test_wrong_arguments_of_the_library_are_errors() -> None:
-    with pytest.raises(SupersamplerError, match="an argument is NULL"):
+    with pytest.raises(SupersamplerError, match="frames is NULL"):
         cpu_library().call("ss_filter_temporal", TemporalData(4, 3))
 
 

@@ -2,6 +2,7 @@
 
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -44,6 +45,42 @@ def test_no_runtime_of_cpp_is_needed(path: Path) -> None:
     assert exported
     assert all(name.startswith("ss_") for name in exported), exported
     assert " U _Z" not in names
+
+
+OTHER_VERSION = """
+#include <dlfcn.h>
+#include <stdio.h>
+#include "supersampler.h"
+
+/* In the place of a library of another version that the program is linked with. */
+ss_status ss_model_create_from_bytes(const void* bytes, size_t count, const ss_options* options,
+                                     ss_model** model, ss_error* error) {
+    (void)bytes, (void)count, (void)options, (void)model, (void)error;
+    return SS_BAD_MODEL;
+}
+
+int main(int count, char** arguments) {
+    void* library = count > 1 ? dlopen(arguments[1], RTLD_NOW) : NULL;
+    ss_status (*create)(const char*, const ss_options*, ss_model**, ss_error*);
+    ss_model* model = NULL;
+    if (!library) return 2;
+    *(void**)&create = dlsym(library, "ss_model_create");
+    return create("taau", NULL, &model, NULL);
+}
+"""
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="symbols are bound otherwise")
+def test_a_program_may_load_the_library_beside_another_version(path: Path, tmp_path: Path) -> None:
+    compiler = shutil.which("cc")
+    if compiler is None:
+        pytest.skip("a C compiler is missing")
+    host = tmp_path / "host"
+    host.with_suffix(".c").write_text(OTHER_VERSION)
+    include = f"-I{SOURCES / 'include'}"
+    command: list[str | Path] = [compiler, host.with_suffix(".c"), include, "-rdynamic", "-ldl", "-o", host]
+    subprocess.run(command, check=True)
+    assert subprocess.run([host, path], check=False).returncode == 0
 
 
 def load(data: bytes) -> CpuModel:

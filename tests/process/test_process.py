@@ -107,6 +107,28 @@ assert signal.sigwait([signal.SIGTERM]) == signal.SIGTERM
     )
 
 
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="this system does not list threads")
+def test_threads_do_not_block_signals_of_faults_and_sandboxes() -> None:
+    run_apart(f"""{STEP}
+import signal, time
+from pathlib import Path
+def masks():
+    status = [(task / "status").read_text().splitlines() for task in Path("/proc/self/task").iterdir()]
+    return [int(line.split()[1], 16) for lines in status for line in lines if line.startswith("SigBlk")]
+def blocking(number):
+    return sum(mask >> number - 1 & 1 for mask in masks())
+u = upscaler("taau", executor="cpu", threads=4)
+u.step(noise(0))
+assert blocking(signal.SIGTERM) >= 3, masks()
+faults = "SIGSEGV", "SIGBUS", "SIGFPE", "SIGILL", "SIGTRAP", "SIGABRT", "SIGSYS"
+for number in (getattr(signal, name) for name in faults):
+    end = time.monotonic() + 30
+    while blocking(number) and time.monotonic() < end:
+        time.sleep(0.01)  # a thread that begins blocks all signals
+    assert not blocking(number), (number, masks())
+""")
+
+
 def test_an_exit_raised_in_a_step_ends_the_process() -> None:
     run_apart(f"""{STEP}
 import atexit, signal, sys

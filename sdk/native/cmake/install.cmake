@@ -16,6 +16,10 @@ install(FILES ${CMAKE_CURRENT_BINARY_DIR}/supersamplerConfig.cmake ${CMAKE_CURRE
 # pkg-config supersampler
 if(UNIX)
   file(RELATIVE_PATH SS_PREFIX_FROM_PC /${CMAKE_INSTALL_LIBDIR}/pkgconfig /)  # a prefix may be moved
+  if(NOT BUILD_SHARED_LIBS)  # `--static` would choose the static form of all other libraries, too
+    set(SS_STATIC_LIBS " -pthread -lm")
+    set(SS_STATIC_FLAGS " -DSS_STATIC")
+  endif()
   configure_file(cmake/supersampler.pc.in supersampler.pc @ONLY)
   install(FILES ${CMAKE_CURRENT_BINARY_DIR}/supersampler.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
 endif()

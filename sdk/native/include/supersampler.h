@@ -25,7 +25,10 @@
 extern "C" {
 #endif
 
-#if defined(_WIN32) && defined(SS_BUILDS)
+/* Programs that link the static library define SS_STATIC; the target of find_package does, and pkg-config. */
+#if defined(SS_STATIC)
+#define SS_API
+#elif defined(_WIN32) && defined(SS_BUILDS)
 #define SS_API __declspec(dllexport)
 #elif defined(_WIN32)
 #define SS_API __declspec(dllimport)
@@ -85,6 +88,7 @@ SS_API ss_status ss_model_create_from_bytes(const void* bytes, size_t count, con
 /* Frees a model. Its histories and upscalers must have been freed. NULL does nothing. */
 SS_API void ss_model_destroy(ss_model* model);
 
+/* Name of the method, and of the instruction set that runs; NULL for NULL. */
 SS_API const char* ss_model_method(const ss_model* model);
 SS_API const char* ss_model_instructions(const ss_model* model);
 
@@ -141,8 +145,8 @@ SS_API const char* ss_stage_name(int stage);
  * another output of any view, or a frame. */
 typedef struct ss_outputs {
     ss_image image;     /* 3 channels: linear RGB, finite, >= 0, in the units of the colour */
-    ss_image weight;    /* 1 channel: weight of the history in the image, [0, 1] */
-    ss_image converged; /* 1 channel: 1 where the image is frozen, else 0 */
+    ss_image weight;    /* 1 channel: weight of the history in the image, [0, 1]; 0 of methods without one */
+    ss_image converged; /* 1 channel: 1 where the image is frozen, else 0; 0 of methods without convergence */
     int compute_all;    /* 1: also compute frozen tiles, for tests; the images are the same, bit for bit */
     double* seconds;    /* SS_STAGES wall times by stage, or NULL */
     /* polled on the calling thread during the step: a result other than 0 cancels it; or NULL */
@@ -171,7 +175,7 @@ SS_API ss_status ss_step(ss_upscaler* upscaler, const ss_frame* frame, const ss_
 SS_API ss_status ss_step_many(ss_upscaler* const* upscalers, const ss_frame* frames, const ss_outputs* outputs,
                               int count, ss_error* error);
 
-/* Drops the history, as `reset` of a frame does. */
+/* Drops the history, as `reset` of a frame does. NULL does nothing. */
 SS_API void ss_reset(ss_upscaler* upscaler);
 
 typedef struct ss_stats {
@@ -180,13 +184,16 @@ typedef struct ss_stats {
     size_t history_bytes; /* of both histories once they have converged */
 } ss_stats;
 
+/* Without an upscaler all are 0. */
 SS_API void ss_upscaler_stats(const ss_upscaler* upscaler, ss_stats* stats);
 
 /* States: an upscaler of the same model and display size that loads one computes the same next images, bit for bit. Only
  * this version of the library loads them. `bytes` are aligned to 8, as malloc aligns them.
  *
+ * ss_state_bytes: 0 for NULL.
  * ss_state_save: count is the result of ss_state_bytes.
- * ss_state_load: SS_BAD_STATE if the bytes are damaged, or of another model or display size; the history is unchanged. */
+ * ss_state_load: SS_BAD_STATE if the bytes are damaged, or of another version, model or display size; the history is
+ *     unchanged. */
 SS_API size_t ss_state_bytes(const ss_upscaler* upscaler);
 SS_API ss_status ss_state_save(const ss_upscaler* upscaler, void* bytes, size_t count, ss_error* error);
 SS_API ss_status ss_state_load(ss_upscaler* upscaler, const void* bytes, size_t count, ss_error* error);
@@ -341,7 +348,7 @@ SS_API ss_status ss_history_create(ss_model* model, int display_width, int displ
                                    ss_history** history, ss_error* error);
 SS_API void ss_history_destroy(ss_history* history);
 
-/* Returns 1 if `history` can hold the history after a frame of this size, else 0. */
+/* Returns 1 if `history` can hold the history after a frame of this size, else 0. 0 for NULL. */
 SS_API int ss_history_fits(const ss_history* history, int width, int height);
 
 /* Computes an image and the next history. The histories are two different ones of `model`; the next one fits the frame.
@@ -362,8 +369,8 @@ SS_API ss_status ss_run_many(ss_model* model, const ss_frame* frames, const ss_h
 SS_API ss_status ss_run_network(ss_model* model, const uint8_t* inputs, int width, int height, float* outputs,
                                 ss_error* error);
 
-/* Returns the name of a history tensor of the contract; NULL if there is no such index. `shape` is (n, channels, height,
- * width), or fewer axes: `axes` of them. */
+/* Returns the name of a history tensor of the contract; NULL if there is no such index, or an argument is NULL. `shape` is
+ * (n, channels, height, width), or fewer axes: `axes` of them. */
 SS_API const char* ss_history_tensor(const ss_history* history, int index, int64_t shape[4], int* axes);
 
 /* Copies a tensor out of a history, or into it: float32, in C order. A history is complete when all have been written.

@@ -19,8 +19,9 @@ static ss_status check(const ss_aovs& v, ss_error* error) {
 static ss_status check_apart(const ss_aovs& v, const ss_aovs& other, ss_error* error) {
     if (v.image == other.previous)
         return fail(error, SS_BAD_ARGUMENT, "image is that of the previous frame; want other memory");
-    if (&v != &other && v.image == other.image)
-        return fail(error, SS_BAD_ARGUMENT, "image is that of another view; want other memory");
+    if (&v != &other && (v.image == other.image || v.image == other.aovs || v.image == other.depth ||
+                         v.image == other.motion || v.image == other.weight))
+        return fail(error, SS_BAD_ARGUMENT, "image is in the memory of another view; want other memory");
     return SS_OK;
 }
 
@@ -54,7 +55,7 @@ static bool blend(Model& model, const ss_aovs* views, int count) {
 using namespace ss;
 
 ss_status ss_blend_aovs(ss_model* model, const ss_aovs* views, int count, ss_error* error) {
-    if (!model) return fail(error, SS_BAD_ARGUMENT, "model is NULL");
+    if (ss_status status = check_given({{"model", model}}, error)) return status;
     if (ss_status status = check_views(views, count, check, check_apart, error)) return status;
     const IeeeArithmetic arithmetic;
     if (!blend(*reinterpret_cast<Model*>(model), views, count)) return fail(error, SS_NO_MEMORY, "no memory for AOVs");

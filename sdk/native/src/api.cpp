@@ -114,7 +114,7 @@ static ss_status read_constants(Model& model, const Arrays& arrays, ss_error* er
 }
 
 ss_status ss_model_create(const char* name, const ss_options* options, ss_model** model, ss_error* error) {
-    if (!name || !model) return fail(error, SS_BAD_ARGUMENT, "%s is NULL", name ? "model" : "name");
+    if (ss_status status = check_given({{"name", name}, {"model", model}}, error)) return status;
     *model = nullptr;
     for (const ShippedModel* shipped = SHIPPED_MODELS; shipped->name; shipped++)
         if (strcmp(shipped->name, name) == 0)
@@ -129,7 +129,7 @@ ss_status ss_model_create(const char* name, const ss_options* options, ss_model*
 
 ss_status ss_model_create_from_bytes(const void* bytes, size_t count, const ss_options* options, ss_model** model,
                                      ss_error* error) {
-    if (!bytes || !model) return fail(error, SS_BAD_ARGUMENT, "%s is NULL", bytes ? "model" : "bytes");
+    if (ss_status status = check_given({{"bytes", bytes}, {"model", model}}, error)) return status;
     *model = nullptr;
     if (reinterpret_cast<uintptr_t>(bytes) % alignof(uint64_t))
         return fail(error, SS_BAD_ARGUMENT,
@@ -159,12 +159,12 @@ void ss_model_destroy(ss_model* handle) {
     destroy(allocator, model);
 }
 
-const char* ss_model_method(const ss_model* model) { return model_of(model)->method->name; }
-const char* ss_model_instructions(const ss_model* model) { return model_of(model)->kernels->name; }
+const char* ss_model_method(const ss_model* model) { return model ? model_of(model)->method->name : nullptr; }
+const char* ss_model_instructions(const ss_model* model) { return model ? model_of(model)->kernels->name : nullptr; }
 
 ss_status ss_history_create(ss_model* model, int display_width, int display_height, int width, int height,
                             ss_history** history, ss_error* error) {
-    if (!model || !history) return fail(error, SS_BAD_ARGUMENT, "%s is NULL", model ? "history" : "model");
+    if (ss_status status = check_given({{"model", model}, {"history", history}}, error)) return status;
     *history = nullptr;
     if (ss_status status = check_size(display_width, display_height, "the display", error)) return status;
     if (ss_status status = check_upscales(*model_of(model), error)) return status;
@@ -180,12 +180,12 @@ void ss_history_destroy(ss_history* handle) {
 }
 
 int ss_history_fits(const ss_history* history, int width, int height) {
-    return reinterpret_cast<const History*>(history)->fits({width, height});
+    return history && reinterpret_cast<const History*>(history)->fits({width, height});
 }
 
 ss_status ss_required_bytes(ss_model* handle, int display_width, int display_height, int width, int height,
                             size_t* history, size_t* working, ss_error* error) {
-    if (!history || !working) return fail(error, SS_BAD_ARGUMENT, "an argument is NULL");
+    if (ss_status status = check_given({{"history", history}, {"working", working}}, error)) return status;
     ss_history* made = nullptr;
     if (ss_status status = ss_history_create(handle, display_width, display_height, width, height, &made, error))
         return status;
@@ -206,13 +206,20 @@ const char* ss_stage_name(int stage) {
 
 ss_status ss_run(ss_model* model, const ss_frame* frame, const ss_history* history, ss_history* next_history,
                  const ss_outputs* outputs, ss_error* error) {
+    if (ss_status status = check_given({{"frame", frame}, {"history", history}, {"next_history", next_history}}, error))
+        return status;
     return ss_run_many(model, frame, &history, &next_history, outputs, 1, error);
 }
 
 ss_status ss_run_many(ss_model* model, const ss_frame* frames, const ss_history* const* histories,
                       ss_history* const* next_histories, const ss_outputs* outputs, int count, ss_error* error) {
-    if (!model || !frames || !histories || !next_histories || !outputs)
-        return fail(error, SS_BAD_ARGUMENT, "an argument is NULL");
+    if (ss_status status = check_given({{"model", model},
+                                        {"frames", frames},
+                                        {"histories", histories},
+                                        {"next_histories", next_histories},
+                                        {"outputs", outputs}},
+                                       error))
+        return status;
     if (ss_status status = check_count(count, error)) return status;
     for (int k = 0; k < count; k++)
         if (!histories[k] || !next_histories[k]) return fail(error, SS_BAD_ARGUMENT, "a history of view %d is NULL", k);
@@ -227,19 +234,22 @@ ss_status ss_run_many(ss_model* model, const ss_frame* frames, const ss_history*
 
 ss_status ss_extrapolate(ss_model* model, const ss_frame* frame, const ss_shaded* shaded,
                          const ss_extrapolated* outputs, ss_error* error) {
-    if (!model || !frame || !shaded || !outputs) return fail(error, SS_BAD_ARGUMENT, "an argument is NULL");
+    if (ss_status status =
+            check_given({{"model", model}, {"frame", frame}, {"shaded", shaded}, {"outputs", outputs}}, error))
+        return status;
     return run_extrapolation(*model_of(model), *frame, *shaded, *outputs, error);
 }
 
 ss_status ss_run_network(ss_model* model, const uint8_t* inputs, int width, int height, float* outputs,
                          ss_error* error) {
-    if (!model || !inputs || !outputs) return fail(error, SS_BAD_ARGUMENT, "an argument is NULL");
+    if (ss_status status = check_given({{"model", model}, {"inputs", inputs}, {"outputs", outputs}}, error))
+        return status;
     return run_network(*model_of(model), inputs, {width, height}, outputs, error);
 }
 
 ss_status ss_upscaler_create(ss_model* model, int display_width, int display_height, ss_upscaler** upscaler,
                              ss_error* error) {
-    if (!model || !upscaler) return fail(error, SS_BAD_ARGUMENT, "%s is NULL", model ? "upscaler" : "model");
+    if (ss_status status = check_given({{"model", model}, {"upscaler", upscaler}}, error)) return status;
     *upscaler = nullptr;
     if (ss_status status = check_size(display_width, display_height, "the display", error)) return status;
     if (ss_status status = check_upscales(*model_of(model), error)) return status;
@@ -260,6 +270,7 @@ void ss_upscaler_destroy(ss_upscaler* handle) {
 }
 
 ss_status ss_step(ss_upscaler* handle, const ss_frame* frame, const ss_outputs* outputs, ss_error* error) {
+    if (ss_status status = check_given({{"upscaler", handle}, {"frame", frame}}, error)) return status;
     return ss_step_many(&handle, frame, outputs, 1, error);
 }
 
@@ -267,6 +278,7 @@ ss_status ss_step(ss_upscaler* handle, const ss_frame* frame, const ss_outputs* 
 static ss_status prepare(Upscaler& u, const ss_frame& frame, ss_error* error) {
     const Size render = {frame.width, frame.height};
     if (check_size(render.width, render.height, "the frame", error)) return SS_BAD_FRAME;
+    if (ss_status status = check_ratio(*u.model.method, render, u.display, error)) return status;
     if (u.spare && !u.spare->fits(render)) {
         destroy(u.model.arena.allocator(), u.spare);
         u.spare = nullptr;
@@ -293,7 +305,8 @@ static void conclude(Upscaler& u, bool succeeded) {
 
 ss_status ss_step_many(ss_upscaler* const* handles, const ss_frame* frames, const ss_outputs* outputs, int count,
                        ss_error* error) {
-    if (!handles || !frames || !outputs) return fail(error, SS_BAD_ARGUMENT, "an argument is NULL");
+    if (ss_status status = check_given({{"upscalers", handles}, {"frames", frames}, {"outputs", outputs}}, error))
+        return status;
     if (ss_status status = check_count(count, error)) return status;
     for (int k = 0; k < count; k++) {
         if (!handles[k]) return fail(error, SS_BAD_ARGUMENT, "upscaler %d is NULL", k);
@@ -319,6 +332,9 @@ ss_status ss_step_many(ss_upscaler* const* handles, const ss_frame* frames, cons
 }
 
 void ss_upscaler_stats(const ss_upscaler* handle, ss_stats* stats) {
+    if (!stats) return;
+    *stats = {};
+    if (!handle) return;
     const Upscaler& u = *reinterpret_cast<const Upscaler*>(handle);
     *stats = {u.frames, 0.0f, (u.history ? u.history->most_bytes() : 0) + (u.spare ? u.spare->most_bytes() : 0)};
     if (!u.history || !u.model.method->layout.rests) return;
@@ -337,6 +353,7 @@ void ss_upscaler_stats(const ss_upscaler* handle, ss_stats* stats) {
 }
 
 void ss_reset(ss_upscaler* upscaler) {
+    if (!upscaler) return;
     Upscaler& u = *upscaler_of(upscaler);
     destroy(u.model.arena.allocator(), u.history);
     u.history = nullptr;

@@ -38,14 +38,14 @@ void* Arena::taken(size_t count) {
     // large arrays begin in different sets of the caches, although the system aligns all of them to pages
     const size_t shift = count < PAGE ? 0 : blocks_++ * 13 % (PAGE / LINE) * LINE;
     const size_t bytes = sizeof(Block) + shift + count + 3 * LINE;
-    Block* block = static_cast<Block*>(allocator_.allocate(allocator_.user, bytes));
+    Block* block = static_cast<Block*>(allocator_.take(bytes));
     if (!block) {
         failed_ = true;
         return nullptr;
     }
     *block = {last_, bytes};
     last_ = block;
-    bytes_ += bytes;
+    bytes_ += bytes + Allocator::ALIGNED;
     const uintptr_t first = (reinterpret_cast<uintptr_t>(block + 1) + shift + LINE - 1) / LINE * LINE;
     void* memory = reinterpret_cast<void*>(first);
     return allocator_.zeroes ? memory : memset(memory, 0, count + LINE);

@@ -54,6 +54,19 @@ constexpr Size half_of(Size size) { return {divided_up(size.width, 2), divided_u
 // Returns `status`, with a message.
 ss_status fail(ss_error* error, ss_status status, const char* format, ...) __attribute__((format(printf, 3, 4)));
 
+// An argument of the interface.
+struct Given {
+    const char* name;
+    const void* pointer;
+};
+// Checks that no argument is NULL.
+template <size_t N>
+ss_status check_given(const Given (&arguments)[N], ss_error* error) {
+    for (const Given& argument : arguments)
+        if (!argument.pointer) return fail(error, SS_BAD_ARGUMENT, "%s is NULL", argument.name);
+    return SS_OK;
+}
+
 inline ss_status succeed(ss_error* error) {
     if (error) error->message[0] = 0;
     return SS_OK;
@@ -62,10 +75,25 @@ inline ss_status succeed(ss_error* error) {
 double seconds_now();  // since an arbitrary instant
 
 struct Allocator {
+    static constexpr size_t ALIGNED = 8;  // and the spare bytes of each allocation
     void* (*allocate)(void* user, size_t bytes);
     void (*release)(void* user, void* memory, size_t bytes);
     void* user;
     bool zeroes;  // whether memory is zero: then the system maps pages as they are written, and none is cleared twice
+
+    // Returns memory at a multiple of ALIGNED, whatever the address of the caller's; NULL where there is none. The byte
+    // before it has their distance.
+    void* take(size_t bytes) const {
+        uint8_t* memory = static_cast<uint8_t*>(allocate(user, bytes + ALIGNED));
+        if (!memory) return nullptr;
+        const uint8_t distance = static_cast<uint8_t>(ALIGNED - reinterpret_cast<uintptr_t>(memory) % ALIGNED);
+        memory[distance - 1] = distance;
+        return memory + distance;
+    }
+    void give_back(void* memory, size_t bytes) const {
+        uint8_t* const taken = static_cast<uint8_t*>(memory);
+        release(user, taken - taken[-1], bytes + ALIGNED);
+    }
 };
 
 // Arrays that are freed together. Each starts at a cache line of its own, is zero, and has a spare line after it.
@@ -76,7 +104,7 @@ class Arena {
         while (last_) {
             Block* block = last_;
             last_ = block->before;
-            allocator_.release(allocator_.user, block, block->bytes);
+            allocator_.give_back(block, block->bytes);
         }
     }
     Arena(const Arena&) = delete;
@@ -106,14 +134,15 @@ class Arena {
 // Objects that live in memory of an allocator.
 template <class T, class... Values>
 T* create(const Allocator& allocator, Values&&... values) {
-    void* memory = allocator.allocate(allocator.user, sizeof(T));
+    static_assert(alignof(T) <= Allocator::ALIGNED);
+    void* memory = allocator.take(sizeof(T));
     return memory ? new (memory) T{static_cast<Values&&>(values)...} : nullptr;
 }
 template <class T>
 void destroy(const Allocator& allocator, T* object) {
     if (!object) return;
     object->~T();
-    allocator.release(allocator.user, object, sizeof(T));
+    allocator.give_back(object, sizeof(T));
 }
 
 }  // namespace ss

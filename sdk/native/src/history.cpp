@@ -136,6 +136,7 @@ static bool write_rest(History& history, int plane, const float* values) {
 using namespace ss;
 
 const char* ss_history_tensor(const ss_history* handle, int index, int64_t shape[4], int* axes) {
+    if (!handle || !shape || !axes) return nullptr;
     const History& history = *reinterpret_cast<const History*>(handle);
     if (!has_tensor(history, index)) return nullptr;
     const TensorSpec& tensor = history.model.method->layout.tensor[index];
@@ -159,7 +160,7 @@ const char* ss_history_tensor(const ss_history* handle, int index, int64_t shape
 }
 
 ss_status ss_history_read(const ss_history* handle, int index, float* values, ss_error* error) {
-    if (!handle || !values) return fail(error, SS_BAD_ARGUMENT, "%s is NULL", handle ? "values" : "history");
+    if (ss_status status = check_given({{"history", handle}, {"values", values}}, error)) return status;
     const History& history = *reinterpret_cast<const History*>(handle);
     if (!has_tensor(history, index)) return fail(error, SS_BAD_ARGUMENT, "there is no history tensor %d", index);
     const TensorSpec& tensor = history.model.method->layout.tensor[index];
@@ -176,7 +177,7 @@ ss_status ss_history_read(const ss_history* handle, int index, float* values, ss
 }
 
 ss_status ss_history_write(ss_history* handle, int index, const float* values, ss_error* error) {
-    if (!handle || !values) return fail(error, SS_BAD_ARGUMENT, "%s is NULL", handle ? "values" : "history");
+    if (ss_status status = check_given({{"history", handle}, {"values", values}}, error)) return status;
     History& history = *reinterpret_cast<History*>(handle);
     if (!has_tensor(history, index)) return fail(error, SS_BAD_ARGUMENT, "there is no history tensor %d", index);
     const Layout& layout = history.model.method->layout;

@@ -106,8 +106,9 @@ static ss_status check(const ss_ids& v, ss_error* error) {
         return fail(error, SS_BAD_ARGUMENT, "an array is NULL; only previous and previous_distance may be");
     if (!v.previous != !v.previous_distance)
         return fail(error, SS_BAD_ARGUMENT, "only one of previous and previous_distance is set; want both or none");
-    if (v.image == v.ids || v.distance == v.depth)
-        return fail(error, SS_BAD_ARGUMENT, "image or distance is in the memory of ids or depth; want other memory");
+    if (v.image == v.ids || v.distance == v.depth || v.distance == v.motion)
+        return fail(error, SS_BAD_ARGUMENT,
+                    "image or distance is in the memory of ids, depth or motion; want other memory");
     return check_jitter(v.jitter, error);
 }
 
@@ -115,8 +116,9 @@ static ss_status check(const ss_ids& v, ss_error* error) {
 static ss_status check_apart(const ss_ids& v, const ss_ids& other, ss_error* error) {
     if (v.image == other.previous || v.distance == other.previous_distance)
         return fail(error, SS_BAD_ARGUMENT, "image or distance is that of the previous frame; want other memory");
-    if (&v != &other && (v.image == other.image || v.distance == other.distance))
-        return fail(error, SS_BAD_ARGUMENT, "image or distance is that of another view; want other memory");
+    if (&v != &other && (v.image == other.image || v.image == other.ids || v.distance == other.distance ||
+                         v.distance == other.depth || v.distance == other.motion))
+        return fail(error, SS_BAD_ARGUMENT, "image or distance is in the memory of another view; want other memory");
     return SS_OK;
 }
 

@@ -8,8 +8,12 @@ using namespace ss;
 
 ss_status ss_camera_motion(const ss_image* depth, int width, int height, const double to_previous[16], double far_depth,
                            const float jitter[2], const ss_image* motion, ss_error* error) {
-    if (!depth || !to_previous || !jitter || !motion || !motion->data)
-        return fail(error, SS_BAD_ARGUMENT, "an argument is NULL");
+    if (ss_status status = check_given(
+            {{"depth", depth}, {"to_previous", to_previous}, {"jitter", jitter}, {"motion", motion}}, error))
+        return status;
+    if (!motion->data) return fail(error, SS_BAD_ARGUMENT, "motion has no data; want an image to write to");
+    if (motion->data == depth->data)
+        return fail(error, SS_BAD_ARGUMENT, "motion is in the memory of depth; want other memory");
     if (ss_status status = check_size(width, height, "the frame", error)) return status;
     if (ss_status status = check_input("depth", *depth, {width, height}, 1, true, error)) return status;
     for (int k = 0; k < 16; k++)
@@ -62,9 +66,13 @@ ss_status ss_camera_motion(const ss_image* depth, int width, int height, const d
 
 ss_status ss_encode_rgba(const ss_image* image, int width, int height, void* pixels, ptrdiff_t row_stride,
                          ss_error* error) {
-    if (!image || !pixels) return fail(error, SS_BAD_ARGUMENT, "an argument is NULL");
+    if (ss_status status = check_given({{"image", image}, {"pixels", pixels}}, error)) return status;
     if (ss_status status = check_size(width, height, "the image", error)) return status;
     if (ss_status status = check_input("image", *image, {width, height}, 3, true, error)) return status;
+    if (pixels == image->data)
+        return fail(error, SS_BAD_ARGUMENT, "pixels are in the memory of image; want other memory");
+    const ss_image bytes = {pixels, SS_UNORM8, row_stride, 0, 0};
+    if (ss_status status = check_output("pixels", bytes, {width, height}, 4, error)) return status;
     const Kernels& kernels = *find_kernels(nullptr);
     const IeeeArithmetic arithmetic;
     constexpr int BLOCK = 1024;  // columns, whose scratch is on the stack
@@ -80,7 +88,9 @@ ss_status ss_encode_rgba(const ss_image* image, int width, int height, void* pix
 
 ss_status ss_merge_images(float* image, const float* other, const float* weight, const float* other_weight, int width,
                           int height, float exposure, ss_error* error) {
-    if (!image || !other || !weight || !other_weight) return fail(error, SS_BAD_ARGUMENT, "an argument is NULL");
+    if (ss_status status = check_given(
+            {{"image", image}, {"other", other}, {"weight", weight}, {"other_weight", other_weight}}, error))
+        return status;
     if (ss_status status = check_size(width, height, "the image", error)) return status;
     if (!(exposure > 0.0f)) return fail(error, SS_BAD_ARGUMENT, "exposure is %g; want more than 0", exposure);
     const Kernels& kernels = *find_kernels(nullptr);
@@ -100,8 +110,9 @@ static bool lacks_aovs(const Array* arrays, int groups) {
 }
 
 ss_status ss_filter_temporal(const ss_temporal* t, ss_error* error) {
-    if (!t || !t->frames || !t->image || lacks_aovs(t->aovs, t->aov_groups))
-        return fail(error, SS_BAD_ARGUMENT, "an argument is NULL");
+    if (ss_status status = check_given({{"filter", t}}, error)) return status;
+    if (ss_status status = check_given({{"frames", t->frames}, {"image", t->image}}, error)) return status;
+    if (lacks_aovs(t->aovs, t->aov_groups)) return fail(error, SS_BAD_ARGUMENT, "an array of aovs is NULL");
     if (ss_status status = check_size(t->width, t->height, "the image", error)) return status;
     if (t->previous < 0 || t->following < 0 || t->aov_groups < 0 || t->first_row < 0 || t->end_row > t->height)
         return fail(error, SS_BAD_ARGUMENT,
@@ -115,6 +126,9 @@ ss_status ss_filter_temporal(const ss_temporal* t, ss_error* error) {
         if (!frame.color || !frame.guides || lacks_aovs(frame.aovs, t->aov_groups) ||
             (t->frames[0].noisy && !frame.noisy))
             return fail(error, SS_BAD_ARGUMENT, "frame %d of the window lacks color, noisy, guides or aovs", k);
+        if (t->image == frame.color || t->image == frame.noisy)
+            return fail(error, SS_BAD_ARGUMENT, "image is in the memory of frame %d of the window; want other memory",
+                        k);
     }
     float* scratch = static_cast<float*>(malloc(sizeof(float) * TemporalFilter::SCRATCH));
     if (!scratch) return fail(error, SS_NO_MEMORY, "no memory for the temporal filter");
@@ -129,7 +143,9 @@ ss_status ss_filter_temporal(const ss_temporal* t, ss_error* error) {
 
 ss_status ss_nearest_motion(const float* depth, const float* motion, int width, int height, float* to,
                             ss_error* error) {
-    if (!depth || !motion || !to) return fail(error, SS_BAD_ARGUMENT, "an argument is NULL");
+    if (ss_status status = check_given({{"depth", depth}, {"motion", motion}, {"to", to}}, error)) return status;
+    if (to == depth || to == motion)
+        return fail(error, SS_BAD_ARGUMENT, "to is in the memory of depth or motion; want other memory");
     if (ss_status status = check_size(width, height, "the image", error)) return status;
     const IeeeArithmetic arithmetic;
     find_kernels(nullptr)->nearest_motion_rows(depth, motion, to, {width, height}, 0, height);
@@ -148,8 +164,18 @@ static float mismatch_of(float a, float b) {
 }
 
 ss_status ss_scatter_motion(const ss_scatter* s, float* motion, float* mismatch, ss_error* error) {
-    if (!s || !s->depth || !s->next_depth || !s->next_motion || !motion || !mismatch)
-        return fail(error, SS_BAD_ARGUMENT, "an argument is NULL");
+    if (ss_status status = check_given({{"frames", s}, {"motion", motion}, {"mismatch", mismatch}}, error))
+        return status;
+    if (ss_status status =
+            check_given({{"depth", s->depth}, {"next_depth", s->next_depth}, {"next_motion", s->next_motion}}, error))
+        return status;
+    const float* const arrays[] = {s->depth, s->next_depth, s->next_motion};
+    for (const float* array : arrays)
+        if (array == motion || array == mismatch)
+            return fail(error, SS_BAD_ARGUMENT, "motion or mismatch is in the memory of %s; want other memory",
+                        array == arrays[0]   ? "depth"
+                        : array == arrays[1] ? "next_depth"
+                                             : "next_motion");
     if (ss_status status = check_size(s->width, s->height, "the frame", error)) return status;
     if (ss_status status = check_size(s->next_width, s->next_height, "the next frame", error)) return status;
     if (ss_status status = check_jitter(s->jitter, error)) return status;

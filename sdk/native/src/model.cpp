@@ -58,6 +58,7 @@ static void make_step_buffers(const Model& model, StepBuffers& buffers) {
 }
 
 static StepBuffers* new_buffers(const Model& model, Size render, Size image) {
+    const IeeeArithmetic arithmetic;  // later steps read the tables that it computes
     const Size display = own_size(*model.method, image);
     StepBuffers* buffers =
         create<StepBuffers>(model.arena.allocator(), model.arena.allocator(), render, image, display);

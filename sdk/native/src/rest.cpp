@@ -20,14 +20,14 @@ void RestHistory::take(Arena& arena, Size of_display, Size of_render) {
 
 Signature* new_signature(const Allocator& allocator, int blocks) {
     const size_t bytes = sizeof(Signature) + sizeof(float) * 4 * blocks;
-    Signature* made = static_cast<Signature*>(allocator.allocate(allocator.user, bytes));
+    Signature* made = static_cast<Signature*>(allocator.take(bytes));
     if (made) *made = {1, bytes};
     return made;
 }
 
 static void release(const Allocator& allocator, Signature* signature) {
     if (signature && __atomic_sub_fetch(&signature->references, 1, __ATOMIC_ACQ_REL) == 0)
-        allocator.release(allocator.user, signature, signature->bytes);
+        allocator.give_back(signature, signature->bytes);
 }
 
 static void share(const Allocator& allocator, Signature*& to, Signature* signature) {

@@ -30,9 +30,10 @@ static void* append(char*& to, const Array& array) {
 }
 
 size_t ss_state_bytes(const ss_upscaler* handle) {
+    if (!handle) return 0;
     const Upscaler& u = *reinterpret_cast<const Upscaler*>(handle);
-    size_t total = ARRAYS_OVERHEAD + 3 * sizeof(Array) + filled_up(strlen(u.model.method->name) + 1) +
-                   sizeof u.model.checksum + sizeof(float) * SIZES;
+    size_t total = ARRAYS_OVERHEAD + 4 * sizeof(Array) + filled_up(sizeof(float)) +
+                   filled_up(strlen(u.model.method->name) + 1) + sizeof u.model.checksum + sizeof(float) * SIZES;
     int64_t shape[4];
     int axes;
     for (int k = 0; u.history; k++) {
@@ -44,12 +45,15 @@ size_t ss_state_bytes(const ss_upscaler* handle) {
 }
 
 ss_status ss_state_save(const ss_upscaler* handle, void* bytes, size_t count, ss_error* error) {
-    if (!handle || !bytes) return fail(error, SS_BAD_ARGUMENT, "%s is NULL", handle ? "bytes" : "upscaler");
+    if (ss_status status = check_given({{"upscaler", handle}, {"bytes", bytes}}, error)) return status;
     const Upscaler& u = *reinterpret_cast<const Upscaler*>(handle);
     if (count != ss_state_bytes(handle))
         return fail(error, SS_BAD_ARGUMENT, "count is %zu; want %zu, as ss_state_bytes says", count,
                     ss_state_bytes(handle));
     char* to = begin_arrays(bytes);
+    const int64_t of_version[4] = {1, 0, 0, 0};
+    const float version = SS_VERSION;
+    memcpy(append(to, header("version", ArrayType::FLOAT, 1, of_version)), &version, sizeof version);
     const int64_t name_size[4] = {static_cast<int64_t>(strlen(u.model.method->name)) + 1, 0, 0, 0};
     memcpy(append(to, header("method", ArrayType::TEXT, 1, name_size)), u.model.method->name,
            static_cast<size_t>(name_size[0]));
@@ -97,18 +101,22 @@ static ss_status read_history(const Arrays& arrays, History& history, ss_error* 
 }
 
 ss_status ss_state_load(ss_upscaler* handle, const void* bytes, size_t count, ss_error* error) {
-    if (!handle || !bytes) return fail(error, SS_BAD_ARGUMENT, "%s is NULL", handle ? "bytes" : "upscaler");
+    if (ss_status status = check_given({{"upscaler", handle}, {"bytes", bytes}}, error)) return status;
     if (reinterpret_cast<uintptr_t>(bytes) % alignof(uint64_t))
         return fail(error, SS_BAD_ARGUMENT,
                     "bytes are at an address that is not a multiple of 8; want memory as from malloc");
     Upscaler& u = *reinterpret_cast<Upscaler*>(handle);
     const Arrays arrays(bytes, count);
     if (arrays.message()) return fail(error, SS_BAD_STATE, "the bytes are not a state: %s", arrays.message());
-    const Array *method = arrays.find("method", ArrayType::TEXT, 0),
+    const Array *version = arrays.find("version", ArrayType::FLOAT, 1),
+                *method = arrays.find("method", ArrayType::TEXT, 0),
                 *model = arrays.find("model", ArrayType::TEXT, sizeof u.model.checksum),
                 *array = arrays.find("sizes", ArrayType::FLOAT, SIZES);
-    if (!method || !model || !array || !memchr(method->values(), 0, method->bytes()))
-        return fail(error, SS_BAD_STATE, "the bytes are a model, not a state");
+    if (!version || !method || !model || !array || !memchr(method->values(), 0, method->bytes()))
+        return fail(error, SS_BAD_STATE, "the bytes are not a state; want those that ss_state_save writes");
+    const float saved = *static_cast<const float*>(version->values());
+    if (saved != static_cast<float>(SS_VERSION))
+        return fail(error, SS_BAD_STATE, "the state is of version %g of the library; want %d", saved, SS_VERSION);
     if (strcmp(static_cast<const char*>(method->values()), u.model.method->name) != 0)
         return fail(error, SS_BAD_STATE, "the state is of %.64s; want one of %s",
                     static_cast<const char*>(method->values()), u.model.method->name);

@@ -6,6 +6,7 @@
 namespace ss {
 
 View view_of(const ss_image& image, int width, int channels) {
+    if (!image.data) return {};  // the rest of it may not be initialised
     ptrdiff_t size = image.type == SS_FLOAT32 ? 4 : image.type == SS_FLOAT16 ? 2 : 1;
     ptrdiff_t channel = image.channel_stride ? image.channel_stride : size;
     ptrdiff_t pixel = image.pixel_stride ? image.pixel_stride : channels * size;
@@ -302,6 +303,14 @@ static bool plan_rest(Step& step, const RestHistory& before, bool compute_all, b
     return true;
 }
 
+// Writes 0 to an image of one channel; no image is nothing to do.
+static void write_zeros(const Step& step, const View& image) {
+    const size_t bytes = image.type == SS_FLOAT32 ? 4 : image.type == SS_FLOAT16 ? 2 : 1;
+    for (int y = 0; y < step.target.height && image; y++)
+        for (int x = 0; x < step.target.width; x++)
+            memset(const_cast<char*>(image.data) + y * image.row + x * image.pixel, 0, bytes);
+}
+
 // Makes every tile one to compute.
 static void plan_whole(Step& step) {
     RestWork& w = step.buffers.rest;
@@ -350,10 +359,14 @@ static ss_status run_stages(Step& step, const ss_outputs& outputs) {
     step.clock.enter(SS_REST);
     keep_tiles(step, generation, computes);
     step.after.render = {step.frame.width, step.frame.height};
-    if (!rests) return SS_OK;
+    const View converged = view_of(outputs.converged, own.width, 1);
+    if (!step.model.method->layout.planes) write_zeros(step, own.weight);  // without a history
+    if (!rests) {
+        write_zeros(step, converged);
+        return SS_OK;
+    }
     if (!show_rest(step, w, *before, after, generation)) return SS_NO_MEMORY;
     if (step.target.image.data != own.image.data) copy_image(step, step.target.image, own.image, own.pre_exposure);
-    const View converged = view_of(outputs.converged, own.width, 1);
     if (converged)
         step.workers().run_rows(own.height,
                                 [&](int y0, int y1, int) { step.kernels().write_converged(w, converged, y0, y1); });

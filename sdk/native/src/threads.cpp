@@ -215,10 +215,10 @@ void ThreadPool::start_threads() {
     Guard guard(lock_);
     if (started_ == threads_ - 1) return;
     // Signals are the program's: a thread of ours would run a handler, or end the process, while the program blocks them.
-    // Those of faults stay, for crash reporters.
+    // Those of faults stay, for crash reporters, and for sandboxes, whose SIGSYS would end the process if it were blocked.
     sigset_t blocked, before;
     sigfillset(&blocked);
-    constexpr int FAULTS[] = {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGTRAP, SIGABRT};
+    constexpr int FAULTS[] = {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGTRAP, SIGABRT, SIGSYS};
     for (int fault : FAULTS) sigdelset(&blocked, fault);
     pthread_sigmask(SIG_BLOCK, &blocked, &before);
     while (started_ < threads_ - 1 && pthread_create(&handles_[started_], nullptr, thread_main, this) == 0) started_++;

@@ -1,4 +1,5 @@
 /* The C interface: views, threads, memory, errors, hostile frames. C99, as the header is. */
+#include <fenv.h>
 #include <math.h>
 #include <stdint.h>
 #include <stdio.h>
@@ -312,6 +313,39 @@ static void images_of_any_address_are_read_and_written(void) {
     }
 }
 
+/* Every pixel of each output is written, by methods without a history, too: their weight is 0. */
+static void all_pixels_of_all_outputs_are_written(void) {
+    static Pixels p;
+    static float weight[DH * DW], converged[DH * DW];
+    for (int m = 0; m < METHODS; m++) {
+        ss_error error;
+        ss_model* model = NULL;
+        ss_upscaler* upscaler = NULL;
+        CHECK(ss_model_create(methods[m], NULL, &model, &error) == SS_OK, "%s", error.message);
+        CHECK(ss_upscaler_create(model, DW, DH, &upscaler, &error) == SS_OK, "%s", error.message);
+        for (int index = 0; index < 2; index++) {
+            fill(&p, index);
+            const ss_frame frame = frame_of(&p, index);
+            ss_outputs outputs = outputs_of(images[0]);
+            outputs.weight.data = weight, outputs.converged.data = converged;
+            memset(images[0], 0xFF, sizeof images[0]);
+            memset(weight, 0xFF, sizeof weight), memset(converged, 0xFF, sizeof converged);
+            CHECK(ss_step(upscaler, &frame, &outputs, &error) == SS_OK, "%s", error.message);
+            int bad = 0, blended = 0;
+            for (int k = 0; k < DW * DH * 3; k++) bad += !(images[0][k] >= 0.0f);
+            for (int k = 0; k < DW * DH; k++) {
+                blended += weight[k] > 0.0f;
+                bad += !(weight[k] >= 0.0f && weight[k] <= 1.0f);
+                bad += !(converged[k] == 0.0f || converged[k] == 1.0f);
+            }
+            CHECK(bad == 0, "%s, frame %d: %d values", methods[m], index, bad);
+            CHECK(!blended == (index == 0 || m < 2), "%s, frame %d: %d pixels", methods[m], index, blended);
+        }
+        ss_upscaler_destroy(upscaler);
+        ss_model_destroy(model);
+    }
+}
+
 /* Bytes of an image upside down, with alpha, are those of floats. */
 static void images_of_any_strides_are_written(void) {
     static Pixels p;
@@ -453,6 +487,27 @@ static void memory_may_end_anywhere(void) {
     CHECK(succeeded, "it never succeeds");
 }
 
+static void* allocate_odd(void* user, size_t bytes) {
+    char* memory = malloc(bytes + *(const int*)user);
+    return memory ? memory + *(const int*)user : NULL;
+}
+static void release_odd(void* user, void* memory, size_t bytes) {
+    memset(memory, 0xEE, bytes);
+    free((char*)memory - *(const int*)user);
+}
+
+/* Memory of the caller may be at any address; the sanitizers see what reads it otherwise. */
+static void allocated_memory_has_any_address(void) {
+    for (int m = 0; m < METHODS; m++)
+        for (int shift = 0; shift < 8; shift += 1 + 2 * m % 3) {
+            ss_options options;
+            memset(&options, 0, sizeof options);
+            options.allocate = allocate_odd, options.release = release_odd, options.user = &shift;
+            run(methods[m], &options, images[shift > 0]);
+            CHECK(shift == 0 || memcmp(images[0], images[1], sizeof images[0]) == 0, "%s, shift %d", methods[m], shift);
+        }
+}
+
 enum { RESTING = 5 };
 
 /* Steps still frames, of which one has another size, to bytes. Returns how many calls were refused for lack of memory; the
@@ -522,6 +577,10 @@ static void changes_of_size_keep_no_memory(void) {
         if (index == 11) kept = allocations;
     }
     CHECK(allocations == kept, "%d allocations, then %d", kept, allocations);
+    ss_frame frame = frame_of(&p, 0);
+    const ss_outputs outputs = outputs_of(images[0]);
+    frame.width = 3, left = 0; /* a size that no step takes needs no memory */
+    CHECK(ss_step(upscaler, &frame, &outputs, &error) == SS_BAD_FRAME && allocations == kept, "%s", error.message);
     ss_upscaler_destroy(upscaler);
     ss_model_destroy(model);
 }
@@ -649,6 +708,194 @@ static void bad_arguments_are_named(void) {
     ss_model_destroy(model);
 }
 
+/* NULL in place of any argument that is needed is an error that names it, or the empty answer. */
+static void null_arguments_are_named(void) {
+    static Pixels p;
+    ss_error error;
+    ss_model *model = NULL, *made = NULL;
+    ss_upscaler *upscaler = NULL, *other = NULL;
+    ss_history *history = NULL, *next = NULL;
+    CHECK(ss_model_create("taau", NULL, &model, &error) == SS_OK, "%s", error.message);
+    CHECK(ss_upscaler_create(model, DW, DH, &upscaler, &error) == SS_OK, "%s", error.message);
+    CHECK(ss_history_create(model, DW, DH, W, H, &history, &error) == SS_OK, "%s", error.message);
+    fill(&p, 0);
+    const ss_frame frame = frame_of(&p, 0);
+    const ss_outputs outputs = outputs_of(images[0]);
+    const ss_shaded shaded = {0};
+    const ss_extrapolated extrapolated = {0};
+    const double matrix[16] = {0.0};
+    const ss_image image = {p.color, SS_FLOAT32, 0, 0, 0};
+    float* const values = images[1];
+    size_t bytes = 0;
+#define NAMED(name, call) \
+    CHECK((call) == SS_BAD_ARGUMENT && strstr(error.message, name " is NULL"), "%s: %s", #call, error.message)
+    NAMED("name", ss_model_create(NULL, NULL, &made, &error));
+    NAMED("model", ss_model_create("taau", NULL, NULL, &error));
+    NAMED("bytes", ss_model_create_from_bytes(NULL, 8, NULL, &made, &error));
+    NAMED("model", ss_model_create_from_bytes(values, 8, NULL, NULL, &error));
+    NAMED("model", ss_upscaler_create(NULL, DW, DH, &other, &error));
+    NAMED("upscaler", ss_upscaler_create(model, DW, DH, NULL, &error));
+    NAMED("upscaler", ss_step(NULL, &frame, &outputs, &error));
+    NAMED("frame", ss_step(upscaler, NULL, &outputs, &error));
+    NAMED("outputs", ss_step(upscaler, &frame, NULL, &error));
+    NAMED("upscalers", ss_step_many(NULL, &frame, &outputs, 1, &error));
+    NAMED("frames", ss_step_many(&upscaler, NULL, &outputs, 1, &error));
+    NAMED("outputs", ss_step_many(&upscaler, &frame, NULL, 1, &error));
+    NAMED("upscaler", ss_state_save(NULL, values, 8, &error));
+    NAMED("bytes", ss_state_save(upscaler, NULL, 8, &error));
+    NAMED("upscaler", ss_state_load(NULL, values, 8, &error));
+    NAMED("bytes", ss_state_load(upscaler, NULL, 8, &error));
+    NAMED("model", ss_extrapolate(NULL, &frame, &shaded, &extrapolated, &error));
+    NAMED("frame", ss_extrapolate(model, NULL, &shaded, &extrapolated, &error));
+    NAMED("shaded", ss_extrapolate(model, &frame, NULL, &extrapolated, &error));
+    NAMED("outputs", ss_extrapolate(model, &frame, &shaded, NULL, &error));
+    NAMED("depth", ss_camera_motion(NULL, W, H, matrix, 0.0, values, &image, &error));
+    NAMED("to_previous", ss_camera_motion(&image, W, H, NULL, 0.0, values, &image, &error));
+    NAMED("jitter", ss_camera_motion(&image, W, H, matrix, 0.0, NULL, &image, &error));
+    NAMED("motion", ss_camera_motion(&image, W, H, matrix, 0.0, values, NULL, &error));
+    NAMED("image", ss_encode_rgba(NULL, W, H, values, 0, &error));
+    NAMED("pixels", ss_encode_rgba(&image, W, H, NULL, 0, &error));
+    NAMED("image", ss_merge_images(NULL, values, values, values, 2, 2, 1.0f, &error));
+    NAMED("other_weight", ss_merge_images(values, values, values, NULL, 2, 2, 1.0f, &error));
+    NAMED("frames", ss_scatter_motion(NULL, values, values, &error));
+    NAMED("model", ss_blend_aovs(NULL, NULL, 1, &error));
+    NAMED("views", ss_blend_aovs(model, NULL, 1, &error));
+    NAMED("views", ss_resample_ids(model, NULL, 1, &error));
+    NAMED("filter", ss_filter_temporal(NULL, &error));
+    NAMED("to", ss_nearest_motion(values, values, 2, 2, NULL, &error));
+    NAMED("model", ss_history_create(NULL, DW, DH, W, H, &next, &error));
+    NAMED("history", ss_history_create(model, DW, DH, W, H, NULL, &error));
+    NAMED("model", ss_run(NULL, &frame, history, history, &outputs, &error));
+    NAMED("frame", ss_run(model, NULL, history, history, &outputs, &error));
+    NAMED("history", ss_run(model, &frame, NULL, history, &outputs, &error));
+    NAMED("next_history", ss_run(model, &frame, history, NULL, &outputs, &error));
+    NAMED("outputs", ss_run(model, &frame, history, history, NULL, &error));
+    NAMED("histories", ss_run_many(model, &frame, NULL, NULL, &outputs, 1, &error));
+    NAMED("inputs", ss_run_network(model, NULL, 1, 1, values, &error));
+    NAMED("history", ss_history_read(NULL, 0, values, &error));
+    NAMED("values", ss_history_write(history, 0, NULL, &error));
+    NAMED("model", ss_required_bytes(NULL, DW, DH, W, H, &bytes, &bytes, &error));
+    NAMED("working", ss_required_bytes(model, DW, DH, W, H, &bytes, NULL, &error));
+#undef NAMED
+    CHECK(ss_step(upscaler, NULL, NULL, NULL) == SS_BAD_ARGUMENT, "without an error");
+    CHECK(!ss_model_method(NULL) && !ss_model_instructions(NULL), "names of no model");
+    ss_stats stats = {7, 1.0f, 7};
+    ss_upscaler_stats(upscaler, NULL);
+    ss_upscaler_stats(NULL, &stats);
+    CHECK(stats.frames == 0 && stats.converged == 0.0f && stats.history_bytes == 0, "of no upscaler");
+    int64_t shape[4];
+    int axes;
+    CHECK(ss_state_bytes(NULL) == 0 && !ss_history_fits(NULL, W, H), "of nothing");
+    CHECK(!ss_history_tensor(NULL, 0, shape, &axes) && !ss_history_tensor(history, 0, NULL, NULL), "a tensor of none");
+    ss_reset(NULL), ss_model_destroy(NULL), ss_upscaler_destroy(NULL), ss_history_destroy(NULL);
+    ss_history_destroy(history), ss_upscaler_destroy(upscaler), ss_model_destroy(model);
+}
+
+/* What a function writes is in memory that it does not read. */
+static void outputs_in_the_memory_of_inputs_are_refused(void) {
+    static Pixels p;
+    static float motion[H][W][2], color[H][W][3];
+    static uint8_t pixels[W * H * 4 + 1];
+    ss_error error;
+    ss_model* model = NULL;
+    CHECK(ss_model_create("guided-warp", NULL, &model, &error) == SS_OK, "%s", error.message);
+    fill(&p, 0);
+#define REFUSED(text, call) \
+    CHECK((call) == SS_BAD_ARGUMENT && strstr(error.message, text), "%s: %s", #call, error.message)
+    for (int k = 0; k < 4; k++) {
+        const ss_frame frame = frame_of(&p, 0);
+        static const char* const said[] = {"color is written to the memory of the color of the shaded frame",
+                                           "motion is written to the memory of the motion of the previous frame",
+                                           "color and motion are written to the same memory",
+                                           "motion is written to the memory of the motion;"};
+        ss_shaded shaded;
+        ss_extrapolated outputs;
+        memset(&shaded, 0, sizeof shaded);
+        memset(&outputs, 0, sizeof outputs);
+        shaded.width = W, shaded.height = H, shaded.color.data = color, shaded.depth = frame.depth;
+        shaded.base_color = frame.base_color, shaded.normal = frame.normal;
+        shaded.motion.data = motion, shaded.motion_width = W, shaded.motion_height = H;
+        outputs.color.data = k == 0 ? (void*)color : images[0];
+        outputs.motion.data = k == 1 ? (void*)motion : k == 2 ? images[0] : k == 3 ? (void*)p.motion : images[1];
+        REFUSED(said[k], ss_extrapolate(model, &frame, &shaded, &outputs, &error));
+    }
+    const double matrix[16] = {1.0};
+    const ss_image depth = {p.depth, SS_FLOAT32, 0, 0, 0}, image = {p.color, SS_FLOAT32, 0, 0, 0};
+    REFUSED("motion is in the memory of depth",
+            ss_camera_motion(&depth, W, H, matrix, 0.0, *p.motion[0], &depth, &error));
+    REFUSED("pixels are in the memory of image", ss_encode_rgba(&image, W, H, p.color, 0, &error));
+    REFUSED("pixels overlaps itself", ss_encode_rgba(&image, W, H, pixels, W, &error)); /* a stride in pixels */
+    CHECK(ss_encode_rgba(&image, W, H, pixels + 4 * W * (H - 1), -4 * W, &error) == SS_OK, "%s", error.message);
+    REFUSED("to is in the memory of depth or motion",
+            ss_nearest_motion(p.depth[0], p.motion[0][0], W, H, p.motion[0][0], &error));
+    const ss_scatter scatter = {W, H, W, H, p.depth[0], p.depth[0], p.motion[0][0], {0.0f, 0.0f}, {0.0f, 0.0f}};
+    REFUSED("in the memory of next_motion", ss_scatter_motion(&scatter, p.motion[0][0], images[0], &error));
+    const ss_temporal_frame frame = {images[0], NULL, images[1], NULL, NULL, NULL};
+    const ss_temporal filter = {4, 4, &frame, 0, 0, 0, 1.0f, 4.0f, 0, 4, images[0], NULL};
+    REFUSED("image is in the memory of frame 0 of the window", ss_filter_temporal(&filter, &error));
+    const ss_aovs aovs = {4, 4, 8, 8, 1, images[0], images[0], images[0], {0.0f, 0.0f}, NULL, NULL, images[1]};
+    ss_aovs views[] = {aovs, aovs};
+    views[1].aovs = images[1], views[1].image = images[1] + 64;
+    REFUSED("view 0: image is in the memory of another view", ss_blend_aovs(model, views, 2, &error));
+#undef REFUSED
+    ss_model_destroy(model);
+}
+
+/* Without a motion of the previous frame its size is not read. */
+static void a_size_of_no_motion_is_not_read(void) {
+    static Pixels p;
+    static float color[H][W][3], image[2][H][W][3];
+    ss_error error;
+    ss_model* model = NULL;
+    CHECK(ss_model_create("guided-warp", NULL, &model, &error) == SS_OK, "%s", error.message);
+    fill(&p, 0);
+    memcpy(color, p.color, sizeof color);
+    for (int k = 0; k < 2; k++) {
+        const ss_frame frame = frame_of(&p, 0);
+        ss_shaded shaded;
+        ss_extrapolated outputs;
+        memset(&shaded, k ? 0x7F : 0, sizeof shaded); /* an uninitialised struct */
+        memset(&outputs, 0, sizeof outputs);
+        shaded.width = W, shaded.height = H, shaded.color.data = color, shaded.depth = frame.depth;
+        shaded.color.type = SS_FLOAT32;
+        shaded.color.row_stride = shaded.color.pixel_stride = shaded.color.channel_stride = 0;
+        shaded.base_color = frame.base_color, shaded.normal = frame.normal, shaded.motion.data = NULL;
+        shaded.pre_exposure = shaded.jitter[0] = shaded.jitter[1] = 0.0f;
+        shaded.motion_jitter[0] = shaded.motion_jitter[1] = 0.0f;
+        outputs.color.data = image[k];
+        CHECK(ss_extrapolate(model, &frame, &shaded, &outputs, &error) == SS_OK, "%s", error.message);
+    }
+    CHECK(memcmp(image[0], image[1], sizeof image[0]) == 0, "another image");
+    ss_model_destroy(model);
+}
+
+/* Whatever rounding the caller has set, the tables of a model's work buffers are the same. */
+static void the_rounding_of_the_caller_changes_no_bit(void) {
+    for (int m = 0; m < METHODS; m++)
+        for (int upward = 0; upward < 2; upward++) {
+            static Pixels p;
+            size_t history, working;
+            ss_error error;
+            ss_model* model = NULL;
+            ss_upscaler* upscaler = NULL;
+            if (upward) fesetround(FE_UPWARD);
+            CHECK(ss_model_create(methods[m], NULL, &model, &error) == SS_OK, "%s", error.message);
+            CHECK(ss_required_bytes(model, DW, DH, W, H, &history, &working, &error) == SS_OK, "%s", error.message);
+            CHECK(!upward || fegetround() == FE_UPWARD, "the rounding has changed");
+            fesetround(FE_TONEAREST);
+            CHECK(ss_upscaler_create(model, DW, DH, &upscaler, &error) == SS_OK, "%s", error.message);
+            for (int index = 0; index < FRAMES; index++) {
+                fill(&p, index);
+                const ss_frame frame = frame_of(&p, index);
+                const ss_outputs outputs = outputs_of(images[upward]);
+                CHECK(ss_step(upscaler, &frame, &outputs, &error) == SS_OK, "%s", error.message);
+            }
+            CHECK(!upward || memcmp(images[0], images[1], sizeof images[0]) == 0, "%s", methods[m]);
+            ss_upscaler_destroy(upscaler);
+            ss_model_destroy(model);
+        }
+}
+
 /* Whatever bits a frame holds, images are finite and not negative, and a good frame after it is, too. */
 static void hostile_frames_do_no_harm(void) {
     const char* set = getenv("SS_HOSTILE"); /* frames of each method */
@@ -758,6 +1005,39 @@ static void states_of_another_model_are_refused(void) {
     CHECK(strstr(error.message, "the state is of classifier; want one of taau"), "%s", error.message);
     free(bytes);
     for (int k = 0; k < 3; k++) ss_upscaler_destroy(upscalers[k]), ss_model_destroy(models[k]);
+}
+
+/* Writes the checksum of a state: the CRC-32 of zip. */
+static void seal(uint8_t* bytes, size_t count) {
+    uint32_t sum = ~0u;
+    for (size_t k = 0; k + 8 < count; k++) {
+        sum ^= bytes[k];
+        for (int bit = 0; bit < 8; bit++) sum = sum >> 1 ^ (sum & 1 ? 0xEDB88320u : 0);
+    }
+    const uint64_t whole = (uint32_t)~sum;
+    memcpy(bytes + count - 8, &whole, 8);
+}
+
+static void states_of_another_version_are_refused(void) {
+    ss_error error;
+    ss_model* model = NULL;
+    ss_upscaler* upscaler = NULL;
+    CHECK(ss_model_create("taau", NULL, &model, &error) == SS_OK, "%s", error.message);
+    CHECK(ss_upscaler_create(model, DW, DH, &upscaler, &error) == SS_OK, "%s", error.message);
+    const size_t count = ss_state_bytes(upscaler);
+    uint8_t* bytes = malloc(count);
+    CHECK(ss_state_save(upscaler, bytes, count, &error) == SS_OK, "%s", error.message);
+    const float own = SS_VERSION, later = SS_VERSION + 1;
+    size_t at = 0;
+    while (at + 4 < count && memcmp(bytes + at, &own, 4) != 0) at += 4;
+    memcpy(bytes + at, &later, 4);
+    seal(bytes, count);
+    CHECK(ss_state_load(upscaler, bytes, count, &error) == SS_BAD_STATE &&
+              strstr(error.message, "the state is of version 101 of the library; want 100"),
+          "%s", error.message);
+    free(bytes);
+    ss_upscaler_destroy(upscaler);
+    ss_model_destroy(model);
 }
 
 static void histories_of_another_model_are_refused(void) {
@@ -926,10 +1206,10 @@ static void ids_follow_surfaces_and_are_never_blended(void) {
           error.message);
     CHECK(ss_resample_ids(model, NULL, 1, &error) == SS_BAD_ARGUMENT, "NULL is a view");
     for (int k = 0; k < 4; k++) {
-        static const char* const said[] = {"view 0: image or distance is that of another view",
+        static const char* const said[] = {"view 0: image or distance is in the memory of another view",
                                            "view 0: image or distance is that of the previous frame",
                                            "view 1: image or distance is that of the previous frame",
-                                           "view 1: image or distance is in the memory of ids or depth"};
+                                           "view 1: image or distance is in the memory of ids, depth or motion"};
         const ss_ids one = {SIDE,         SIDE, BIG,  BIG,  2,   &ids[0][0][0], &depth[0][0], &motion[0][0][0],
                             {0.0f, 0.0f}, NULL, NULL, NULL, NULL};
         ss_ids views[] = {one, one};
@@ -1008,6 +1288,7 @@ static void aovs_are_blended_by_the_weight(void) {
 int main(void) {
     states_are_saved_and_loaded();
     states_of_another_model_are_refused();
+    states_of_another_version_are_refused();
     histories_of_another_model_are_refused();
     CHECK(ss_version() == SS_VERSION, "%d", ss_version());
     thread_counts_change_no_bit();
@@ -1016,14 +1297,20 @@ int main(void) {
     instructions_agree();
     views_of_any_strides_are_read();
     images_of_any_address_are_read_and_written();
+    all_pixels_of_all_outputs_are_written();
     images_of_any_strides_are_written();
     images_of_half_floats_saturate();
     extrapolated_motion_of_half_floats_has_its_sign();
     memory_may_end_anywhere();
+    allocated_memory_has_any_address();
     one_failed_allocation_refuses_one_call();
     changes_of_size_keep_no_memory();
     the_converged_fraction_counts_pixels();
     bad_arguments_are_named();
+    null_arguments_are_named();
+    outputs_in_the_memory_of_inputs_are_refused();
+    a_size_of_no_motion_is_not_read();
+    the_rounding_of_the_caller_changes_no_bit();
     hostile_frames_do_no_harm();
     the_temporal_filter_averages_frames();
     ids_follow_surfaces_and_are_never_blended();

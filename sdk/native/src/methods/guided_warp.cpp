@@ -96,6 +96,29 @@ static ss_status check(const Model& model, const ss_frame& f, const ss_shaded& s
     return check_pre_exposure(s.pre_exposure, error);
 }
 
+// Checks that what is written is in memory of its own.
+static ss_status check_apart(const ss_frame& f, const ss_shaded& s, const ss_extrapolated& out, ss_error* error) {
+    const struct {
+        const char* name;
+        const void* data;
+    } read[] = {{"depth", f.depth.data},
+                {"motion", f.motion.data},
+                {"base_color", f.base_color.data},
+                {"normal", f.normal.data},
+                {"color of the shaded frame", s.color.data},
+                {"depth of the shaded frame", s.depth.data},
+                {"base_color of the shaded frame", s.base_color.data},
+                {"normal of the shaded frame", s.normal.data},
+                {"motion of the previous frame", s.motion.data}};
+    if (out.color.data == out.motion.data)
+        return fail(error, SS_BAD_ARGUMENT, "color and motion are written to the same memory; want memory for each");
+    for (const auto& image : read)
+        if (image.data && (image.data == out.color.data || image.data == out.motion.data))
+            return fail(error, SS_BAD_ARGUMENT, "%s is written to the memory of the %s; want other memory",
+                        image.data == out.color.data ? "color" : "motion", image.name);
+    return SS_OK;
+}
+
 ss_status run_extrapolation(Model& model, const ss_frame& f, const ss_shaded& s, const ss_extrapolated& out,
                             ss_error* error) {
     if (ss_status status = check(model, f, s, error)) return status;
@@ -103,11 +126,12 @@ ss_status run_extrapolation(Model& model, const ss_frame& f, const ss_shaded& s,
     const Size size = {f.width, f.height};
     if (ss_status status = check_output("color", out.color, size, 3, error)) return status;
     if (ss_status status = check_input("the motion to write to", out.motion, size, 2, false, error)) return status;
+    if (ss_status status = check_apart(f, s, out, error)) return status;
     const bool has_motion = s.motion.data;
     StepBuffers* buffers =
         model.borrow({s.width, s.height}, has_motion ? Size{s.motion_width, s.motion_height} : Size{1, 1});
     Arena rows(model.arena.allocator());
-    const size_t pitch = up_to(10 * max(f.width, max(s.width, s.motion_width)), LANES);
+    const size_t pitch = up_to(10 * max(f.width, max(s.width, has_motion ? s.motion_width : 0)), LANES);
     float* scratch = rows.take<float>(pitch * model.pool.threads());
     if (!buffers || !scratch) {
         if (buffers) model.give_back(buffers);
