@@ -239,6 +239,15 @@ def is_composed(renderer: Any) -> bool:
     return not renderer.GetErase() or any(_value(renderer, name) for name in _COMPOSING)
 
 
+def _has_own_shaders(shaders: Any) -> bool:
+    """Return whether a `vtkShaderProperty` has code of the program."""
+    return bool(
+        shaders.GetNumberOfShaderReplacements()
+        or shaders.HasFragmentShaderCode()
+        or shaders.HasVertexShaderCode()
+    )
+
+
 def _has_own_vertices(prop: Any) -> bool:
     """Return whether a shader of the program places vertices, so that their motion is unknown."""
     shaders, code, unused = prop.GetShaderProperty(), reference(""), (reference(""), reference(False))
@@ -301,8 +310,8 @@ def _state(prop: Any) -> tuple[Any, ...]:
     state += [_value(prop, name) for name in ("ForceOpaque", "ForceTranslucent")]
     parts = [_value(prop, name) for name in _LOOKS]
     parts += _own_looks(prop) if _is_generated(prop) else []
-    if (shaders := _value(prop, "ShaderProperty")) is not None:
-        parts += [_value(shaders, f"{stage}CustomUniforms") for stage in ("Vertex", "Fragment", "Geometry")]
+    if _has_own_shaders(shaders := prop.GetShaderProperty()):
+        parts += [shaders.GetVertexCustomUniforms(), shaders.GetFragmentCustomUniforms()]
     textures = [_value(prop, "Texture")]
     if isinstance(prop, vtk.vtkActor):
         textures += [prop.GetProperty().GetTexture(name) for name in _SURFACE_TEXTURES]
