@@ -84,7 +84,7 @@ class ViewportHistory:
         self._observers = [  # settings apply while the renderer renders: others may have its camera and props
             self._observe("StartEvent", self._before_others, FIRST),
             self._observe("StartEvent", self._after_others, LAST),
-            self._observe("EndEvent", self._stack.close, FIRST),
+            self._observe("EndEvent", lambda: self._stack.close(), FIRST),  # a render has its own stack
         ]
 
     def _observe(self, event: str, react: Callable[[], None], priority: float) -> int:
