@@ -494,6 +494,22 @@ def tinted(plotter: Any) -> Callable[[], None]:
     return lambda: uniforms.SetUniformf("tint", 0.5)
 
 
+def masked(plotter: Any) -> Callable[[], None]:
+    grid = pv.ImageData(dimensions=(8, 8, 8), spacing=(0.1, 0.1, 0.1), origin=(0.0, 0.0, 0.2))
+    mask = grid.copy()
+    grid["density"] = np.full(grid.n_points, 200, np.uint8)
+    mask["inside"] = np.full(grid.n_points, 255, np.uint8)
+    mapper = plotter.add_volume(grid, opacity=0.5, mapper="gpu", show_scalar_bar=False).mapper
+    mapper.SetMaskInput(mask)
+    mapper.SetMaskTypeToBinary()
+
+    def change() -> None:
+        mask["inside"][256:] = 0
+        mask.Modified()
+
+    return change
+
+
 PREPARED: dict[str, Callable[[Any], Callable[[], None]]] = {
     "pixels of a texture": textured,
     "a clipping plane": clipped,
@@ -513,6 +529,7 @@ PREPARED: dict[str, Callable[[Any], Callable[[], None]]] = {
     "the end of an axis": reaching,
     "the colour of what follows the camera": facing,
     "a uniform of a shader": tinted,
+    "the mask of a volume": masked,
 }
 
 

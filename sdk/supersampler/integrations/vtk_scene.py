@@ -316,7 +316,7 @@ def _state(prop: Any) -> tuple[Any, ...]:
     if isinstance(prop, vtk.vtkActor):
         textures += [prop.GetProperty().GetTexture(name) for name in _SURFACE_TEXTURES]
     if (mapper := _value(prop, "Mapper")) is not None:
-        parts += [mapper, *(mapper.GetClippingPlanes() or ()), *_data(mapper)]
+        parts += [mapper, *(mapper.GetClippingPlanes() or ()), *_data(mapper), _value(mapper, "MaskInput")]
         inner = _value(mapper, "PolyDataMapper")  # of a `vtkDataSetMapper`, made when it is first in view
         parts += [] if inner is None else [inner.GetInput()]
     for part in _parts(prop):
