@@ -12,7 +12,6 @@ from time import perf_counter
 from typing import Any
 from weakref import WeakKeyDictionary, ref
 
-from vtkmodules.util.misc import calldata_type
 from vtkmodules.util.vtkConstants import VTK_INT
 from vtkmodules.vtkRenderingOpenGL2 import vtkOpenGLRenderWindow
 
@@ -393,7 +392,6 @@ class SupersampledWindow:
             return
         has_one_timer = interactor.IsA("vtkGenericRenderWindowInteractor")  # all its events have the last id
 
-        @calldata_type(VTK_INT)
         def observe(source: Any, _event: str, timer: int | None = None) -> None:
             if has_one_timer:
                 is_ours = self._due is not None and perf_counter() >= self._due
@@ -403,6 +401,7 @@ class SupersampledWindow:
             if is_ours:
                 self._on_timer()
 
+        observe.CallDataType = VTK_INT  # type: ignore[attr-defined]  # else VTK passes no `timer`
         tag = interactor.AddObserver("TimerEvent", observe, FIRST)
         self._timed = interactor, tag
 

@@ -335,7 +335,7 @@ def _look_names(kind: type) -> tuple[str, ...]:
 
 def _own_looks(prop: Any) -> Iterator[Any]:
     """Yield the properties of what a prop makes itself, such as axes, and of their captions."""
-    for name in _look_names(type(prop)):
+    for name in _look_names(prop.__class__):
         get = getattr(prop, name)
         for arguments in ((), (0,), (1,), (2,)):  # some are those of an axis
             try:
