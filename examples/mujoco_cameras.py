@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler import Frame, Model, StepResult, Upscaler, halton_jitter
+from supersampler import Frame, Model, StepResult, SupersamplerError, Upscaler, halton_jitter
 from supersampler.conventions.encodings import srgb_decoded, srgb_encoded
 from supersampler.io.images import write_png
 
@@ -295,4 +295,7 @@ if __name__ == "__main__":
             parser.error(f"--{name.replace('_', '-')} is {getattr(given, name)}; want at least 1")
     if given.size % 2:
         parser.error(f"--size is {given.size}; want an even number: half of it is rendered")
-    main(given)
+    try:
+        main(given)
+    except SupersamplerError as error:
+        sys.exit(str(error))

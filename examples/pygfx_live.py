@@ -9,6 +9,7 @@ of each frame the enlarged render and the output are read back and written side 
 """
 
 import argparse
+import sys
 from pathlib import Path
 from statistics import median
 from time import perf_counter
@@ -19,7 +20,7 @@ import pygfx as gfx
 import wgpu
 from pygfx.renderers.wgpu import EffectPass
 
-from supersampler import Model, Upscaler, halton_jitter
+from supersampler import Model, SupersamplerError, Upscaler, halton_jitter
 from supersampler.cli.arguments import parse_size
 from supersampler.conventions.encodings import srgb_decoded, srgb_encoded
 from supersampler.io.display import to_uint8
@@ -230,4 +231,7 @@ def enlarged(image: np.ndarray) -> np.ndarray:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except SupersamplerError as error:
+        sys.exit(str(error))

@@ -68,6 +68,12 @@ def test_no_frames_and_odd_sizes_are_refused(options: list[str], message: str) -
     assert (done.returncode, done.stderr.endswith(message)) == (2, True), done.stderr
 
 
+def test_an_unknown_model_is_refused_in_one_line(tmp_path: Path) -> None:
+    options = ["--cameras", "1", "--size", "64", "--frames", "1", "--model", "nope", "-o", str(tmp_path)]
+    done = finished(sys.executable, SCRIPT, *options)
+    assert (done.returncode, done.stderr.startswith("no model 'nope'")) == (1, True), done.stderr
+
+
 def test_motion_leads_to_the_same_surface_in_the_previous_frame(example: ModuleType) -> None:
     renderer = example.make_renderer(128, samples=0)
     data = mujoco.MjData(renderer.model)

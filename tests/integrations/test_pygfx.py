@@ -28,6 +28,12 @@ def test_no_frames_and_odd_sizes_are_refused(tmp_path: Path, options: list[objec
     assert not (tmp_path / "out").exists()
 
 
+def test_an_unknown_model_is_refused_in_one_line(tmp_path: Path) -> None:
+    done = finished(sys.executable, SCRIPT, "--frames", 1, "--model", "nope", "-o", tmp_path)
+    assert (done.returncode, "\nno model 'nope'" in f"\n{done.stderr}") == (1, True), done.stderr
+    assert "Traceback" not in done.stderr
+
+
 def test_the_example_upscales_what_pygfx_has_rendered(tmp_path: Path) -> None:
     ran(sys.executable, SCRIPT, "--frames", 6, "--display-size", "320x180", "--model", "taau", "-o", tmp_path)
     assert len(list(tmp_path.glob("*.png"))) == 6

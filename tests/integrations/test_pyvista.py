@@ -27,6 +27,7 @@ from vtkmodules.vtkCommonCore import vtkInformation
 from vtkmodules.vtkCommonDataModel import vtkPiecewiseFunction, vtkPlane
 from vtkmodules.vtkCommonMath import vtkMatrix4x4
 from vtkmodules.vtkCommonTransforms import vtkTransform
+from vtkmodules.vtkRenderingAnnotation import vtkAxesActor, vtkAxisActor
 from vtkmodules.vtkRenderingCore import (
     vtkActor,
     vtkAssembly,
@@ -39,6 +40,7 @@ from vtkmodules.vtkRenderingCore import (
     vtkLODProp3D,
     vtkPolyDataMapper,
     vtkProp,
+    vtkProp3DFollower,
     vtkPropAssembly,
     vtkProperty,
     vtkRenderer,
@@ -451,6 +453,63 @@ def several_volumes(plotter: Any) -> Callable[[], None]:
     return lambda: volumes[0].SetPosition(0.3, 0.0, 0.0)
 
 
+def coloured_axis(plotter: Any) -> Callable[[], None]:
+    axes = plotter.show_grid(bounds=(-1, 1, -1, 1, 0, 1), color="black")
+    return lambda: axes.GetYAxesGridlinesProperty().SetColor(1.0, 0.0, 0.0)
+
+
+def captioned(plotter: Any) -> Callable[[], None]:
+    axes = vtkAxesActor()
+    axes.SetTotalLength(2.0, 2.0, 2.0)
+    plotter.renderer.AddActor(axes)
+    return lambda: axes.GetXAxisCaptionActor2D().GetCaptionTextProperty().SetColor(1.0, 0.0, 0.0)
+
+
+def reaching(plotter: Any) -> Callable[[], None]:
+    axis = vtkAxisActor()
+    axis.SetPoint1(-1.0, -1.0, 0.5)
+    axis.SetPoint2(-0.5, -1.0, 0.5)
+    axis.SetBounds(-1.0, 1.0, -1.0, -1.0, 0.5, 0.5)
+    axis.SetCamera(plotter.camera)
+    axis.GetAxisLinesProperty().SetLineWidth(8)
+    plotter.renderer.AddActor(axis)
+    return lambda: axis.SetPoint2(1.0, -1.0, 0.5)
+
+
+def facing(plotter: Any) -> Callable[[], None]:
+    follower, disc = vtkProp3DFollower(), vtkActor()
+    disc.SetMapper(pv.DataSetMapper(pv.Disc(inner=0.0, outer=0.5)))
+    follower.SetProp3D(disc)
+    follower.SetCamera(plotter.camera)
+    plotter.renderer.AddActor(follower)
+    return lambda: disc.GetProperty().SetColor(1.0, 0.0, 0.0)
+
+
+def tinted(plotter: Any) -> Callable[[], None]:
+    shaders = plotter.actors["floor"].GetShaderProperty()
+    light = "//VTK::Light::Impl"
+    shaders.AddFragmentShaderReplacement(light, True, light + "\nfragOutput0.rgb *= tint;\n", False)
+    uniforms = shaders.GetFragmentCustomUniforms()
+    uniforms.SetUniformf("tint", 1.0)
+    return lambda: uniforms.SetUniformf("tint", 0.5)
+
+
+def masked(plotter: Any) -> Callable[[], None]:
+    grid = pv.ImageData(dimensions=(8, 8, 8), spacing=(0.1, 0.1, 0.1), origin=(0.0, 0.0, 0.2))
+    mask = grid.copy()
+    grid["density"] = np.full(grid.n_points, 200, np.uint8)
+    mask["inside"] = np.full(grid.n_points, 255, np.uint8)
+    mapper = plotter.add_volume(grid, opacity=0.5, mapper="gpu", show_scalar_bar=False).mapper
+    mapper.SetMaskInput(mask)
+    mapper.SetMaskTypeToBinary()
+
+    def change() -> None:
+        mask["inside"][256:] = 0
+        mask.Modified()
+
+    return change
+
+
 PREPARED: dict[str, Callable[[Any], Callable[[], None]]] = {
     "pixels of a texture": textured,
     "a clipping plane": clipped,
@@ -465,6 +524,12 @@ PREPARED: dict[str, Callable[[Any], Callable[[], None]]] = {
     "the texture coordinates of an actor": keyed,
     "the colour of a level of detail": in_detail,
     "the place of one of several volumes": several_volumes,
+    "the colour of a grid's lines": coloured_axis,
+    "the colour of a caption of axes": captioned,
+    "the end of an axis": reaching,
+    "the colour of what follows the camera": facing,
+    "a uniform of a shader": tinted,
+    "the mask of a volume": masked,
 }
 
 
@@ -501,6 +566,58 @@ def test_changes_of_the_scene_show_at_once(
     ours = shown(plotter)
     window.disable()
     np.testing.assert_array_equal(ours, plain(plotter))
+
+
+OBSERVERS: dict[str, Callable[[Any], Any]] = {
+    "colour": lambda plotter: plotter.actors["floor"].GetProperty().SetColor(0.0, 0.0, 1.0),
+    "place": lambda plotter: plotter.actors["floor"].SetPosition(0.3, 0.0, 0.0),
+    "camera": lambda plotter: plotter.camera.SetPosition(2.0, -2.5, 2.0),
+    "range of depth": lambda plotter: plotter.camera.SetClippingRange(3.7, 30.0),
+}
+
+
+@pytest.mark.parametrize("while_moving", [False, True], ids=["at rest", "moving"])
+@pytest.mark.parametrize("source", ["render_window", "renderer"])
+@pytest.mark.parametrize("change", OBSERVERS.values(), ids=OBSERVERS.keys())
+def test_what_an_observer_of_the_start_of_a_render_changes_shows_at_once(
+    plotter: Any, change: Callable[[Any], Any], source: str, while_moving: bool
+) -> None:
+    plotter.actors["floor"].mapper.ScalarVisibilityOff()
+    window = supersampled(plotter)
+    starts: list[int] = []
+
+    def observe(*_: Any) -> None:
+        starts.append(1)
+        if is_on:
+            change(plotter)
+
+    is_on = False
+    getattr(plotter, source).AddObserver("StartEvent", observe)
+    window.converge()
+    moving(plotter)
+    if not while_moving:
+        plotter.render()
+        plotter.render()
+    is_on = True
+    starts.clear()
+    if while_moving:
+        turn(plotter, 0.5)
+    ours = shown(plotter)
+    assert len(starts) == 1
+    window.converge()
+    rest = seen(plotter)
+    expected = without(window, plotter)
+    assert np.abs(ours - expected).mean() < 0.01
+    assert np.abs(rest - expected).mean() < 0.01
+
+
+def test_a_surface_whose_vertices_a_shader_places_is_rendered_at_full_size(plotter: Any) -> None:
+    code = "//VTK::PositionVC::Impl\ngl_Position.x += 0.1 * sin(4.0 * gl_Position.y);\n"
+    floor = plotter.actors["floor"].GetShaderProperty()
+    floor.AddVertexShaderReplacement("//VTK::PositionVC::Impl", True, code, False)
+    window = supersampled(plotter)
+    moving(plotter)
+    np.testing.assert_array_equal(seen(plotter), without(window, plotter))
 
 
 def test_a_frame_that_changes_is_rendered_once_and_the_next_one_is_waited_for(plotter: Any) -> None:
@@ -632,6 +749,9 @@ def test_depth_is_interpolated_exactly_on_planes_and_not_across_outlines() -> No
     expected = 0.3 + 0.001 * ((x + 0.5) / 2 - 0.75) + 0.002 * ((y + 0.5) / 2 - 0.375)
     step = 0.5 * (0.001 + 0.002)  # lines on surfaces are in front by half a sample's step
     np.testing.assert_allclose(larger[4:36, 4:38], expected[4:36, 4:38] + step, atol=1e-5)
+    outline = larger[4:36, 38:42]
+    assert (outline >= expected[4:36, 38:42]).all()  # a line along it has no gaps
+    assert (outline[outline < 1.0] < 0.37).all()
     assert set(np.unique(larger[:, 42:])) == {1.0}
 
 
@@ -761,6 +881,12 @@ def test_timers_of_the_program_start_no_more_timers() -> None:
     assert timers <= 1 + seconds / 0.09  # one at a time, of 100 ms, which may end early
 
 
+@pytest.mark.skipif(XVFB is None, reason="xvfb-run cannot be found: Debian's xvfb and xauth have it")
+def test_animations_by_a_timer_are_as_fast_as_without() -> None:
+    seconds, steps = map(float, in_a_window(STEPPED))
+    assert steps <= 2 + seconds / 0.3
+
+
 def in_a_window(program: str) -> list[str]:
     """Run a program that uses `plotter` and `window`, on screen, and return the words that it prints."""
     command = [str(XVFB), "-a", sys.executable, "-c", WINDOW + program]
@@ -814,6 +940,25 @@ interactor.AddObserver("TimerEvent", animate)
 interactor.CreateRepeatingTimer(40)
 plotter.show(auto_close=False)
 print(timers[-1] - timers[0], len(timers))
+"""
+
+
+STEPPED = """
+from time import perf_counter
+
+ends = []
+
+def animate(*_):  # one step an event, whoever has started the timer
+    ends.append(perf_counter())
+    plotter.camera.Azimuth(0.2)
+    plotter.render()
+    if len(ends) == 12:
+        interactor.TerminateApp()
+
+interactor.AddObserver("TimerEvent", animate)
+interactor.CreateRepeatingTimer(300)
+plotter.show(auto_close=False)
+print(ends[-1] - ends[0], len(ends))
 """
 
 

@@ -12,6 +12,7 @@ from time import perf_counter
 from typing import Any
 from weakref import WeakKeyDictionary, ref
 
+from vtkmodules.util.vtkConstants import VTK_INT
 from vtkmodules.vtkRenderingOpenGL2 import vtkOpenGLRenderWindow
 
 from supersampler.arguments import checked_scale, ieee_arithmetic
@@ -19,7 +20,7 @@ from supersampler.errors import ArgumentError, shown, warn
 from supersampler.frame import Frame
 from supersampler.integrations.vtk_pixels import Rectangle, WindowPixels
 from supersampler.integrations.vtk_scene import is_composed, visible
-from supersampler.integrations.vtk_viewport import STILL_RENDERS, Mode, ViewportHistory, changed
+from supersampler.integrations.vtk_viewport import FIRST, LAST, STILL_RENDERS, Mode, ViewportHistory, changed
 from supersampler.methods.model_info import ModelInfo
 from supersampler.model import Model
 
@@ -31,7 +32,6 @@ _MIN_SAMPLES = 4  # multi-samples of plain renders
 _DELAY = 10  # ms between renders at rest, for the events of the window
 _PAUSE = 100  # ms after a frame that moved or changed, as the next one may, too
 _EARLY = 0.9e-3  # seconds after which a timer of 1 ms counts as ended: timers may be early
-_FIRST = 1.0  # priority of observers: others see the image of the frame
 _enabled: "WeakKeyDictionary[Any, ref[SupersampledWindow]]" = WeakKeyDictionary()  # by window
 
 
@@ -172,15 +172,18 @@ class SupersampledWindow:
         self._stack = ExitStack()  # restores what was changed for the frame
         self._began = self._ended = 0.0  # times of the last frame
         self._timed: tuple[Any, int] | None = None  # interactor whose timer renders on at rest, and observer
+        self._timer = 0  # of the interactor, the last one that was started
         self._due: float | None = None  # time at which the timer that is running ends; None: none is
         self._given_samples = self._set_samples = int(window.GetMultiSamples())  # by the program; by us
         _enabled[window] = ref(self)
         self._observers = [
-            self._observe("StartEvent", self._before_render), self._observe("EndEvent", self._after_render)
-        ]  # fmt: skip
+            self._observe("StartEvent", lambda: None, FIRST),
+            self._observe("StartEvent", self._before_render, LAST),  # other observers may change the scene
+            self._observe("EndEvent", self._after_render, FIRST),
+        ]
 
-    def _observe(self, event: str, react: Callable[[], None]) -> int:
-        """Have a method called at an event of the window, before other observers, which see one per frame."""
+    def _observe(self, event: str, react: Callable[[], None], priority: float) -> int:
+        """Have a method called at an event of the window. Others then see one event a frame."""
 
         def observe(*_: Any) -> None:
             try:
@@ -191,7 +194,7 @@ class SupersampledWindow:
                 if command is not None:  # else the method has removed it
                     command.SetAbortFlag(self._nested)  # of a render that this object started
 
-        tag: int = self._window.AddObserver(event, observe, _FIRST)
+        tag: int = self._window.AddObserver(event, observe, priority)
         return tag
 
     @property
@@ -289,14 +292,14 @@ class SupersampledWindow:
         if not self._modes:
             self._watch()
             return
-        self._nested = True
+        self._set_nested(True)
         try:
             with self._stack:
                 moved = [viewport for viewport, mode in self._modes if mode == "moved"]
                 for viewport in moved:
                     viewport.read()
                 frames = {viewport: viewport.frame() for viewport in moved}  # None: it jumped
-            if None in frames.values():
+            if None in frames.values() or any(viewport.was_changed for viewport, _ in self._modes):
                 self._render_plain()
             else:
                 self._show(frames)
@@ -305,9 +308,15 @@ class SupersampledWindow:
             self._render_plain()
             raise
         finally:
-            self._nested = False
+            self._set_nested(False)
         self._time()
         self._end()
+
+    def _set_nested(self, nested: bool) -> None:
+        """Note whether this object starts the next renders."""
+        self._nested = nested
+        for viewport in self.viewports:
+            viewport.is_nested = nested
 
     def _render_plain(self) -> None:
         """Render as without supersampling, in place of what was rendered for this frame."""
@@ -370,7 +379,7 @@ class SupersampledWindow:
             if self._timed is None or self._timed[0] is not interactor:
                 self._time_by(interactor)
             if self._due is None:
-                interactor.CreateOneShotTimer(self._pause)
+                self._timer = interactor.CreateOneShotTimer(self._pause)
                 self._due = perf_counter() + _EARLY * self._pause
 
     def _time_by(self, interactor: Any) -> None:
@@ -379,8 +388,22 @@ class SupersampledWindow:
             before, tag = self._timed
             before.RemoveObserver(tag)
         self._timed = self._due = None
-        if interactor is not None:
-            self._timed = interactor, interactor.AddObserver("TimerEvent", lambda *_: self._on_timer())
+        if interactor is None:
+            return
+        has_one_timer = interactor.IsA("vtkGenericRenderWindowInteractor")  # all its events have the last id
+
+        def observe(source: Any, _event: str, timer: int | None = None) -> None:
+            if has_one_timer:
+                is_ours = self._due is not None and perf_counter() >= self._due
+            else:
+                is_ours = timer == self._timer
+                source.GetCommand(tag).SetAbortFlag(is_ours)  # no animation of the program must step
+            if is_ours:
+                self._on_timer()
+
+        observe.CallDataType = VTK_INT  # type: ignore[attr-defined]  # else VTK passes no `timer`
+        tag = interactor.AddObserver("TimerEvent", observe, FIRST)
+        self._timed = interactor, tag
 
     @property
     def _pause(self) -> int:
@@ -388,11 +411,8 @@ class SupersampledWindow:
         return _DELAY if self._modes and not self._shows("moved") else _PAUSE
 
     def _on_timer(self) -> None:
-        now = perf_counter()
-        if self._due is None or now < self._due:
-            return  # it was another timer of the program
         self._due = None
-        if now - self._ended >= _EARLY * self._pause:
+        if perf_counter() - self._ended >= _EARLY * self._pause:
             self._window.Render()
         else:
             self._wake()  # a frame was rendered since the timer was started

@@ -115,8 +115,9 @@ def _places(axis: int, shape: tuple[int, ...], size: Size, jitter: tuple[float, 
 def upsampled_depth(buffer: Float32, size: Size, jitter: tuple[float, float]) -> Float32:
     """Return a jittered depth buffer at the pixel centres of a larger image.
 
-    The depth buffer is linear on a plane, so that interpolated values are exact there. Across outlines the
-    nearest sample counts. Values are moved back by half of the local step, in favour of lines on surfaces.
+    The depth buffer is linear on a plane, so that interpolated values are exact there. Values are moved back
+    by half of the local step, in favour of lines on surfaces. Across outlines the surface of the nearest
+    sample counts, at its farthest in the 3x3 samples around that one: lines along outlines have no gaps.
 
     Args:
         buffer: (h, w) depth buffer.
@@ -126,7 +127,8 @@ def upsampled_depth(buffer: Float32, size: Size, jitter: tuple[float, float]) ->
     Returns:
         (height, width) depth buffer.
     """
-    low = high = mean = nearest = buffer
+    low = high = mean = buffer
+    nearest = []
     for axis in (0, 1):
         length = buffer.shape[axis]
         place = np.clip(_places(axis, buffer.shape, size, jitter), 0.0, length - 1.0)
@@ -137,8 +139,21 @@ def upsampled_depth(buffer: Float32, size: Size, jitter: tuple[float, float]) ->
         high = np.maximum(high.take(before, axis), high.take(after, axis))
         first = mean.take(before, axis)
         mean = first + weight * (mean.take(after, axis) - first)
-        nearest = nearest.take(np.rint(place).astype(np.intp), axis)
+        nearest.append(np.rint(place).astype(np.intp))
     step = high - low
     mean += np.float32(0.5) * step + np.float32(_OFFSET)
-    np.copyto(mean, nearest, where=(step > _MAX_STEP) | (high == 1.0))
+    rows, columns = np.nonzero((step > _MAX_STEP) | (high == 1.0))
+    mean[rows, columns] = _farthest_around(buffer, nearest[0][rows], nearest[1][columns])
     return mean
+
+
+def _farthest_around(buffer: Float32, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Float32:
+    """Return the farthest depth in the 3x3 samples around some, on the surface of each of these."""
+    center = buffer[rows, columns]
+    farthest = center.copy()
+    for y in (-1, 0, 1):
+        for x in (-1, 0, 1):
+            depth = buffer[np.clip(rows + y, 0, len(buffer) - 1), np.clip(columns + x, 0, len(buffer[0]) - 1)]
+            is_same = (depth - center <= _MAX_STEP) & (depth < 1.0)
+            np.maximum(farthest, depth, out=farthest, where=is_same)
+    return farthest

@@ -1,12 +1,15 @@
 """Camera, props and motion of a VTK renderer, and what of it is upscaled."""
 
+import re
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from vtkmodules import vtkRenderingCore as vtk
+from vtkmodules.vtkCommonCore import reference
 
 from supersampler.conventions import camera_motion
 from supersampler.conventions.encodings import to_reversed_infinite
@@ -21,7 +24,9 @@ _PROBE_STEP = 16  # pixels between those whose motion is probed
 _FARTHEST = 0.99999  # maximum depth of a surface; 1 is the background
 _REACTIVE = 0.3  # of volumes; errors are larger at 0 and at 1
 _SURFACE = 2  # `vtkProperty.GetRepresentation`
-_GENERATED = ("vtkCubeAxesActor", "vtkAxisActor", "vtkPolarAxesActor")  # actors that draw lines and text
+_GENERATED = (
+    "vtkAnnotatedCubeActor", "vtkAxesActor", "vtkAxisActor", "vtkCubeAxesActor", "vtkPolarAxesActor"
+)  # props that make their lines, surfaces and text  # fmt: skip
 _MIN_VOLUME = 1e-9  # of a transformed cube, relative to its edges; below it, the matrix is flat
 _UPRIGHT = ("vtkTextActor", "vtkScalarBarActor", "vtkCornerAnnotation", "vtkLegendBoxActor")
 _SURFACE_TEXTURES = ("albedoTex", "materialTex", "normalTex", "emissiveTex", "anisotropyTex", "coatNormalTex")
@@ -65,9 +70,10 @@ class SceneView:
     sky: Matrix | None
 
     @classmethod
-    def of(cls, renderer: Any, upscaled: frozenset[vtk.vtkProp3D]) -> Self:
-        """Read the view of a renderer, before the camera is jittered."""
-        camera, aspect = renderer.GetActiveCamera(), renderer.GetTiledAspectRatio()
+    def of(cls, renderer: Any, upscaled: frozenset[vtk.vtkProp3D], aspect: float | None = None) -> Self:
+        """Read the view of a renderer, before the camera is jittered; None is the viewport's aspect."""
+        camera = renderer.GetActiveCamera()
+        aspect = renderer.GetTiledAspectRatio() if aspect is None else aspect
         matrix = _array(camera.GetCompositeProjectionTransformMatrix(aspect, -1, 1))
         near, far = camera.GetClippingRange()
         props = visible(renderer)
@@ -199,7 +205,7 @@ def is_upscaled(prop: Any) -> bool:
     look = prop.GetProperty()
     if look.GetRepresentation() != _SURFACE or look.GetEdgeVisibility() or look.GetVertexVisibility():
         return False
-    if prop.GetMapper().IsA("vtkPointGaussianMapper") or _is_generated(prop):
+    if prop.GetMapper().IsA("vtkPointGaussianMapper") or _is_generated(prop) or _has_own_vertices(prop):
         return False
     return not any(m.GetNumberOfLines() or m.GetNumberOfVerts() for m in _meshes(prop.GetMapper()))
 
@@ -224,13 +230,32 @@ def _has_motion(prop: Any) -> bool:
 
 
 def _is_generated(prop: Any) -> bool:
-    """Return whether a prop makes its lines and text itself, without a mapper."""
+    """Return whether a prop makes its lines, surfaces and text itself, without a mapper."""
     return any(prop.IsA(name) for name in _GENERATED)
 
 
 def is_composed(renderer: Any) -> bool:
     """Return whether an image is more than a render of props: it keeps what was there, or is filtered."""
     return not renderer.GetErase() or any(_value(renderer, name) for name in _COMPOSING)
+
+
+def _has_own_shaders(shaders: Any) -> bool:
+    """Return whether a `vtkShaderProperty` has code of the program."""
+    return bool(
+        shaders.GetNumberOfShaderReplacements()
+        or shaders.HasFragmentShaderCode()
+        or shaders.HasVertexShaderCode()
+    )
+
+
+def _has_own_vertices(prop: Any) -> bool:
+    """Return whether a shader of the program places vertices, so that their motion is unknown."""
+    shaders, code, unused = prop.GetShaderProperty(), reference(""), (reference(""), reference(False))
+    for index in range(shaders.GetNumberOfShaderReplacements()):
+        shaders.GetNthShaderReplacement(index, *unused, code, reference(False))
+        if "gl_Position" in str(code):
+            return True
+    return bool(shaders.HasVertexShaderCode())
 
 
 def _is_translucent(prop: Any) -> bool:
@@ -284,11 +309,14 @@ def _state(prop: Any) -> tuple[Any, ...]:
     state: list[Any] = [1] if _has_motion(prop) else [1, prop.GetRedrawMTime()]
     state += [_value(prop, name) for name in ("ForceOpaque", "ForceTranslucent")]
     parts = [_value(prop, name) for name in _LOOKS]
+    parts += _own_looks(prop) if _is_generated(prop) else []
+    if _has_own_shaders(shaders := prop.GetShaderProperty()):
+        parts += [shaders.GetVertexCustomUniforms(), shaders.GetFragmentCustomUniforms()]
     textures = [_value(prop, "Texture")]
     if isinstance(prop, vtk.vtkActor):
         textures += [prop.GetProperty().GetTexture(name) for name in _SURFACE_TEXTURES]
     if (mapper := _value(prop, "Mapper")) is not None:
-        parts += [mapper, *(mapper.GetClippingPlanes() or ()), *_data(mapper)]
+        parts += [mapper, *(mapper.GetClippingPlanes() or ()), *_data(mapper), _value(mapper, "MaskInput")]
         inner = _value(mapper, "PolyDataMapper")  # of a `vtkDataSetMapper`, made when it is first in view
         parts += [] if inner is None else [inner.GetInput()]
     for part in _parts(prop):
@@ -297,9 +325,33 @@ def _state(prop: Any) -> tuple[Any, ...]:
     return (*state, *map(_modified, parts), *map(_texture, textures))
 
 
+@cache
+def _look_names(kind: type) -> tuple[str, ...]:
+    """Return the names of a class's methods that return properties, captions and coordinates."""
+    return tuple(
+        name for name in dir(kind) if re.fullmatch(r"Get\w+(Property|CaptionActor2D|Coordinate)", name)
+    )
+
+
+def _own_looks(prop: Any) -> Iterator[Any]:
+    """Yield the properties of what a prop makes itself, such as axes, and of their captions."""
+    for name in _look_names(prop.__class__):
+        get = getattr(prop, name)
+        for arguments in ((), (0,), (1,), (2,)):  # some are those of an axis
+            try:
+                look = get(*arguments)
+            except (TypeError, ValueError):
+                continue
+            yield look
+            if look is not None and look.IsA("vtkProp"):
+                yield from _own_looks(look)
+
+
 def _parts(prop: Any) -> Iterator[Any]:
-    """Yield the props of an assembly, the volumes of a multi-volume, or the level of detail that is shown."""
+    """Yield the props of an assembly or a follower, those of a multi-volume, or the level of detail shown."""
     yield from _value(prop, "Parts") or ()
+    if prop.IsA("vtkProp3DFollower") and (followed := prop.GetProp3D()) is not None:
+        yield followed
     if prop.IsA("vtkMultiVolume") and (mapper := prop.GetMapper()) is not None:
         ports = range(mapper.GetNumberOfInputPorts())
         yield from (prop.GetVolume(port) for port in ports if mapper.GetNumberOfInputConnections(port))

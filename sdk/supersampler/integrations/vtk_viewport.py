@@ -7,6 +7,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from vtkmodules.vtkCommonCore import vtkTimeStamp
 
 from supersampler.conventions import halton_jitter
 from supersampler.frame import Float32, Frame
@@ -23,6 +24,7 @@ from supersampler.integrations.vtk_scene import (
 from supersampler.model import Model
 from supersampler.upscaler import Upscaler
 
+FIRST, LAST = 1.0, -1.0  # priorities of observers; those of others mostly have 0
 Mode = Literal["changed", "first", "still", "moved"]
 """How a frame is rendered: as without supersampling; at full size, to begin the mean of a view at rest, or
 with jitter, to continue it; small and upscaled."""
@@ -52,12 +54,15 @@ class ViewportHistory:
     Attributes:
         upscaler: the Upscaler for the viewport's size; None before the first frame that moves.
         renders: full-size renders in the mean of the view at rest, after the plain one.
+        was_changed: whether an observer of the renderer has changed the scene since `mode` read it.
+        is_nested: whether a `SupersampledWindow` starts the next renders: other observers do not see these.
     """
 
     def __init__(self, window: Any, renderer: Any, pixels: WindowPixels, model: Model) -> None:
         self._window, self._renderer, self._pixels, self._model = window, renderer, pixels, model
         self.upscaler: Upscaler | None = None
         self.renders = 0
+        self.was_changed = self.is_nested = False
         self._frames = 0  # that were upscaled
         self._unit = 1.0  # view distance of depth 1, since the upscaler's first frame
         self._part = self._small_part = Rectangle(0, 0, 1, 1)
@@ -75,10 +80,16 @@ class ViewportHistory:
         self._alpha: NDArray[np.uint8] | None = None  # of the image
         self._settings: _RenderSettings | None = None  # of this render; None changes nothing
         self._stack = ExitStack()  # restores the renderer after a render
+        self._began = vtkTimeStamp()  # of this render, before other observers
         self._observers = [  # settings apply while the renderer renders: others may have its camera and props
-            renderer.AddObserver("StartEvent", lambda *_: self._apply_settings()),
-            renderer.AddObserver("EndEvent", lambda *_: self._stack.close()),
+            self._observe("StartEvent", self._before_others, FIRST),
+            self._observe("StartEvent", self._after_others, LAST),
+            self._observe("EndEvent", lambda: self._stack.close(), FIRST),  # a render has its own stack
         ]
+
+    def _observe(self, event: str, react: Callable[[], None], priority: float) -> int:
+        tag: int = self._renderer.AddObserver(event, lambda *_: react(), priority)
+        return tag
 
     @property
     def is_converged(self) -> bool:
@@ -118,6 +129,37 @@ class ViewportHistory:
         """Set the settings of the next renders; None changes nothing in the renderer."""
         self._stack.close()
         self._settings = settings
+
+    def _before_others(self) -> None:
+        """Begin a render; other observers see one a frame."""
+        if self.is_nested:
+            self._apply_settings()
+        else:
+            self._began.Modified()
+        self._renderer.GetCommand(self._observers[0]).SetAbortFlag(self.is_nested)
+
+    def _after_others(self) -> None:
+        """Begin a render that other observers have seen, and note whether they have changed the scene."""
+        now = vtkTimeStamp()
+        now.Modified()
+        if now.GetMTime() > self._began.GetMTime() + 1 and self._settings is not None:  # of all of VTK
+            self._note_changes()
+        self._apply_settings()
+
+    def _note_changes(self) -> None:
+        before = self._view
+        if before is None:
+            return
+        view = replace(SceneView.of(self._renderer, self._upscaled_props, before.aspect), size=before.size)
+        looks, upscaled_looks = self._read_looks()
+        is_still = self._small is None
+        self.was_changed = (
+            not view.is_same(before)
+            or upscaled_looks != self._upscaled_looks
+            or (is_still and looks != self._looks)
+        )
+        if self.was_changed:
+            self._view, self._upscaled, self._sum = view, None, None
 
     def _apply_settings(self) -> None:
         self._stack.close()
@@ -165,6 +207,7 @@ class ViewportHistory:
     def begin(self, mode: Mode, scale: float, stack: ExitStack) -> None:
         """Prepare the renderer for a frame; `stack` restores it."""
         stack.callback(self.configure, None)
+        self.was_changed, self._small = False, None
         if mode == "moved" and self._view is not None:
             # without history, one sample of each pixel is better than one of four
             if self._upscaled is None or min(self._part[2:]) < 2.0 * scale:
