@@ -444,11 +444,14 @@ def _color_space(spec: oiio.ImageSpec) -> str:
     return UNKNOWN_COLOR_SPACE
 
 
-def scene_linear_space(config: str) -> str:
+def scene_linear_space(config: str, interop_id: str = "") -> str:
     """Return the scene-linear space of an OpenColorIO configuration, named as in `ImageHeader.color_space`.
 
-    Rec. 709, as in Blender's own configuration, if the configuration is not on this machine.
+    Rec. 709, as in Blender's own configuration, if the configuration is not on this machine. `interop_id` is
+    the `colorInteropID` of the space that takes the configuration's place; "" without one.
     """
+    if interop_id:
+        return _INTEROP_IDS.get(interop_id, UNKNOWN_COLOR_SPACE)
     if not (config.startswith("ocio://") or files.is_file(Path(config))):
         return REC709
     return _INTEROP_IDS.get(

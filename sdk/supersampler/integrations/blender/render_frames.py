@@ -603,6 +603,7 @@ def facts(
     """Return the properties of the scene that the reader of the frames needs; `name` is that in the file."""
     render, view = scene.render, scene.view_settings
     own = Path(bpy.utils.system_resource("DATAFILES"))
+    space = getattr(bpy.data, "colorspace", None)  # Blender 5: the file has its own linear space
     return {
         "name": name,
         "blender": bpy.app.version_string,
@@ -620,6 +621,7 @@ def facts(
             "exposure": view.exposure, "gamma": view.gamma,
         },
         "ocio": os.environ.get("OCIO") or str(own / "colormanagement" / "config.ocio"),
+        **({"linear": space.working_space, "interop_id": space.working_space_interop_id} if space else {}),
     }  # fmt: skip
 
 

@@ -105,6 +105,9 @@ class RenderedScene(msgspec.Struct, frozen=True, kw_only=True):
         cuts: numbers of the frames at which the camera changes.
         view: the scene's colour management.
         ocio: file of Blender's OpenColorIO configuration.
+        linear: name of the linear space of the pixels in that configuration. Since Blender 5, it is a
+            property of the .blend file.
+        interop_id: its `colorInteropID`; "" before Blender 5.
     """
 
     name: Text
@@ -121,6 +124,8 @@ class RenderedScene(msgspec.Struct, frozen=True, kw_only=True):
     cuts: Annotated[tuple[_Marker, ...], msgspec.Meta(max_length=SHOT_FRAMES)] = ()
     view: ColorManagement
     ocio: Text
+    linear: Text = "scene_linear"
+    interop_id: str = ""
 
     def __post_init__(self) -> None:
         check_sizes(self.render_size, self.display_size)
@@ -396,7 +401,7 @@ def rendered_shot(
         frame_rate=scene.frame_rate,
         conventions=Conventions.blender(),
         first_number=first,
-        color_space=scene_linear_space(scene.ocio),
+        color_space=scene_linear_space(scene.ocio, scene.interop_id),
     )
     entries = [
         FrameEntry(
