@@ -40,6 +40,7 @@ PASSES = ("use_pass_combined", "use_pass_z", "use_pass_vector")
 SURFACE_PASSES = ("use_pass_normal", "use_pass_diffuse_color")  # for frames that are upscaled
 SAMPLES = 16  # per pixel of small frames in Cycles; docs/tutorials/blender.md compares numbers
 SCALE = 2.0  # display over render size of upscaled frames
+CHANNEL_BYTES = 64  # of a channel's name in EXR files before Blender 5
 EXACT_FILTER = ("BLACKMAN_HARRIS", 0.01)  # width in pixels, one position in effect; BOX is always 1 wide
 
 
@@ -69,6 +70,7 @@ def main(settings: dict[str, Any]) -> None:
         report(note=f"markers switch cameras at frame {at}: the history is dropped there")
     denoise = chosen_denoising(scene, settings["denoise"], settings["scale"])
     layer = chosen_layer(scene, settings["view_layer"])
+    check_name(layer, denoise)
     if settings["composite"]:
         compositor_of(scene, layer.name)
     set_engine(scene, layer, settings["samples"], denoise)
@@ -110,6 +112,19 @@ def open_scene(blend: str) -> None:
     if bpy.app.autoexec_fail:
         what = f"Python in the file is not run ({bpy.app.autoexec_fail_message})"
         report(note=f"{what}: Auto Run Python Scripts is off in Blender's preferences")
+    if missing := missing_files():
+        more = f" and {len(missing) - 8} more" if missing[8:] else ""
+        report(note=f"files are missing, and frames lack what they hold: {', '.join(missing[:8])}{more}")
+
+
+def missing_files() -> list[str]:
+    """Return the paths of the file's libraries and images that do not exist."""
+    libraries = [library for library in bpy.data.libraries if not library.packed_file]
+    images = [
+        image for image in bpy.data.images if image.source == "FILE" and image.users and not image.packed_file
+    ]
+    places = {bpy.path.abspath(item.filepath, library=item.library): item for item in libraries + images}
+    return [item.filepath for place, item in places.items() if place and not Path(place).exists()]
 
 
 def check_step(scene: Any) -> None:
@@ -211,6 +226,15 @@ def chosen_layer(scene: Any, name: str | None) -> Any:
     for each in scene.view_layers:
         each.use = each == layers[0]
     return layers[0]
+
+
+def check_name(layer: Any, denoise: str) -> None:
+    """Check that the names of the needed channels, which begin with the view layer's, are not cut off."""
+    longest = ".Denoising Albedo.R" if denoise == "temporal" else ".Combined.R"
+    most, own = CHANNEL_BYTES - len(longest), len(layer.name.encode())
+    if bpy.app.version < (5, 0) and own > most:
+        problem = f"the name of view layer {layer.name!r} has {own} bytes; want at most {most}"
+        raise BlenderSceneError(f"{problem}: before Blender 5, longer names of channels are cut off in EXR")
 
 
 SIMULATIONS = ("CLOTH", "DYNAMIC_PAINT", "FLUID", "PARTICLE_SYSTEM", "SOFT_BODY")
