@@ -256,6 +256,26 @@ def test_objects_that_move_are_named_where_their_motion_is_unknown(
     assert sum("objects move, and will blur: Cube" in note for note in script.notes) == noted
 
 
+def test_objects_that_move_are_not_named_for_an_orthographic_camera_that_is_not_in_use(script: Any) -> None:
+    """Nor at a cut to one, where the history is dropped."""
+    script.bpy.context = SimpleNamespace(evaluated_depsgraph_get=lambda: None)
+    eye, other = camera("A"), camera("B", kind="ORTHO")
+    cube = SimpleNamespace(name="Cube", type="MESH", hide_render=False)
+    for item in (eye, other, cube):
+        item.matrix_world, item.evaluated_get = [0.0], lambda _, item=item: item
+    eye.data.ortho_scale = other.data.ortho_scale = 8.0
+    ours = scene(camera=eye, objects=[eye, other, cube], timeline_markers=markers((1, eye), (3, other)))
+    warner = script.MovedObjects(ours)
+    for index in range(1, 5):
+        cube.matrix_world, eye.matrix_world = [float(index)], [float(index)]
+        ours.camera = eye if index < 3 else other
+        warner.warn()
+    assert script.notes == []
+    other.matrix_world = cube.matrix_world = [9.0]
+    warner.warn()
+    assert len(script.notes) == 1
+
+
 @pytest.mark.parametrize(
     ("version", "denoise", "length", "refused"),
     [

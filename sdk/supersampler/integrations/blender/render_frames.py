@@ -563,7 +563,7 @@ class MovedObjects:
     def __init__(self, scene: Any) -> None:
         self.scene = scene
         self.before: dict[str, Any] | None = None  # matrices of the previous frame
-        self.seen_from: tuple[Any, float] | None = None  # its camera
+        self.seen_from: tuple[str, Any, float] | None = None  # its camera
         self.is_workbench = scene.render.engine == "BLENDER_WORKBENCH"
         is_parallel = any(camera.data.type == "ORTHO" for camera in used_cameras(scene))
         self.is_active = self.is_workbench or (scene.render.engine == "CYCLES" and is_parallel)
@@ -576,16 +576,17 @@ class MovedObjects:
             return
         depsgraph = bpy.context.evaluated_depsgraph_get()
         camera = self.scene.camera.evaluated_get(depsgraph)
-        seen_from = camera.matrix_world.copy(), camera.data.ortho_scale
+        seen_from = self.scene.camera.name, camera.matrix_world.copy(), camera.data.ortho_scale
         now = {
             item.name: item.evaluated_get(depsgraph).matrix_world.copy()
             for item in self.scene.objects
             if item.type not in ("CAMERA", "LIGHT", "EMPTY") and not item.hide_render
         }
         moved = [name for name in now if self.before and self.before.get(name) not in (None, now[name])]
-        needs_vectors = self.is_workbench or seen_from != self.seen_from
+        is_cut = self.seen_from is None or self.seen_from[0] != seen_from[0]
+        is_wrong = self.is_workbench or (camera.data.type == "ORTHO" and seen_from != self.seen_from)
         self.before, self.seen_from = now, seen_from
-        if moved and needs_vectors:
+        if moved and is_wrong and not is_cut:
             what = f"objects move, and will blur: {', '.join(moved[:8])}"
             why = (
                 ""
