@@ -7,6 +7,7 @@ from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
+import msgspec
 import pytest
 
 import supersampler
@@ -313,3 +314,13 @@ def test_files_that_are_missing_are_noted(script: Any, tmp_path: Path) -> None:
     )
     script.open_scene("scene.blend")
     assert script.notes == ["files are missing, and frames lack what they hold: //lib.blend, //gone.png"]
+
+
+def test_a_path_that_is_not_utf8_is_reported(
+    script: Any, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("SUPERSAMPLER_RENDER", json.dumps({"token": "TOKEN"}))
+    module_of(Path(script.__file__)).report(note="//\udcff\u00e9\n.png")
+    assert msgspec.json.decode(capfd.readouterr().out.strip().removeprefix("TOKEN")) == {
+        "note": "//?\u00e9\n.png"
+    }

@@ -24,9 +24,13 @@ SETTINGS: dict[str, Any] = json.loads(os.environ.pop("SUPERSAMPLER_RENDER", "{}"
 
 
 def report(**content: object) -> None:
-    """Print one message for the parent process, on a line of its own."""
+    """Print one message for the parent process, on a line of its own.
+
+    Bytes of names and paths that are not UTF-8 become question marks.
+    """
     sys.stdout.flush()
-    os.write(1, f"\n{SETTINGS['token']}{json.dumps(content)}\n".encode())
+    line = f"\n{SETTINGS['token']}{json.dumps(content, ensure_ascii=False)}\n"
+    os.write(1, line.encode(errors="replace"))
 
 
 try:
