@@ -199,6 +199,10 @@ def test_a_foreign_file_in_the_way_of_a_composited_frame_is_kept(tmp_path: Path)
         (("--composite", "--format", "png"), "--format is png; want exr, too"),
         (("--depth-of-field", *METHOD), "--depth-of-field is given with upscaled frames; want --denoise"),
         (("--scale", "9"), "--scale is 9; want 1 to 3, the ratios of classifier"),
+        (
+            ("--frames=-2-1",),
+            "--frames is '-2-1'; want FIRST-LAST, such as 10-50, or one frame number, not below 0",
+        ),
         (("--method", "nope"), "no model 'nope'"),
         (("--denoise", "temporal", *METHOD), "--method is given with --denoise temporal; want one of"),
         (("--denoise", "temporal", "--scale", "2"), "scale is 2, with temporal denoising; want one of"),
