@@ -331,7 +331,7 @@ def test_a_linear_space_of_the_file_is_stated_and_shown(tmp_path: Path) -> None:
     channels = read_exr(result)
     light = np.stack([channels[axis] for axis in "RGB"], axis=-1).astype(np.float32)
     transform = ocio_transform(config, display, "Un-tone-mapped", color_space="Linear Rec.2020")
-    png = ImageBuf(str(tmp_path / "out" / "png" / "0005.png")).get_pixels(FLOAT)
+    png = np.asarray(ImageBuf(str(tmp_path / "out" / "png" / "0005.png")).get_pixels(FLOAT))
     assert np.abs(png[..., :3] - transform.show(light)).max() < 0.01
 
 
