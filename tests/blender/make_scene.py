@@ -26,6 +26,7 @@ DEFAULTS: dict[str, Any] = {
     "properties": {},
     "compositor": None,  # name of the view layer whose inverted image and depth the nodes read
     "script": "",  # Python that Blender is to run when it opens the file
+    "working_space": None,  # linear space of the file, which Blender 5 lets one choose
     "linked": False,  # whether the file has an empty scene, and links this one from set.blend beside it
 }
 FIRST, LAST = 5, 10
@@ -69,6 +70,8 @@ def build(options: dict[str, Any]) -> None:
         scene.rigidbody_world.point_cache.frame_start = FIRST
     if options["compositor"]:
         add_compositor(scene, options["compositor"])
+    if options["working_space"] and hasattr(bpy.data, "colorspace"):
+        bpy.ops.wm.set_working_color_space(working_space=options["working_space"], convert_colors=True)
     if options["script"]:
         text = bpy.data.texts.new("startup.py")
         text.write(options["script"])

@@ -252,6 +252,15 @@ def test_a_video_shows_the_frames_as_blender_shows_them_at_the_rate_of_the_scene
         assert np.abs((frame.astype(int) - shown) @ BT709).mean() < 4
 
 
+def test_results_are_in_the_linear_space_of_the_file(tmp_path: Path) -> None:
+    render(tmp_path, "--samples", 1, "--method", "bilinear", working_space="ACEScg", size=[32, 24])
+    scene = rendered(tmp_path)[1].scene
+    assert scene is not None
+    want = "ACEScg" if int(scene.blender.split(".")[0]) >= 5 else "lin_rec709"
+    for folder in ("out", "out/render"):
+        assert read_header(tmp_path / folder / "0006.exr").color_space == want
+
+
 @pytest.mark.parametrize(
     ("scene", "options", "message"),
     [

@@ -13,6 +13,7 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
+from OpenImageIO import FLOAT, ImageBuf
 from typer.testing import Result
 
 from blender_files import NUMBERS, RECORDED, fake_blender, is_running, scene_file, wait_until
@@ -21,6 +22,7 @@ from supersampler import ArgumentError, ShotError
 from supersampler.cli import denoise_run
 from supersampler.conventions import jittered_projection
 from supersampler.integrations.blender.render import RenderRequest, find_blender, rendering
+from supersampler.io.display_transforms import ocio_transform
 from supersampler.io.files import FolderLock
 from supersampler.io.images import read_exr, read_header, write_exr
 from supersampler.io.shot import Shot, open_source
@@ -197,6 +199,10 @@ def test_a_foreign_file_in_the_way_of_a_composited_frame_is_kept(tmp_path: Path)
         (("--composite", "--format", "png"), "--format is png; want exr, too"),
         (("--depth-of-field", *METHOD), "--depth-of-field is given with upscaled frames; want --denoise"),
         (("--scale", "9"), "--scale is 9; want 1 to 3, the ratios of classifier"),
+        (
+            ("--frames=-2-1",),
+            "--frames is '-2-1'; want FIRST-LAST, such as 10-50, or one frame number, not below 0",
+        ),
         (("--method", "nope"), "no model 'nope'"),
         (("--denoise", "temporal", *METHOD), "--method is given with --denoise temporal; want one of"),
         (("--denoise", "temporal", "--scale", "2"), "scale is 2, with temporal denoising; want one of"),
@@ -310,6 +316,23 @@ def test_results_state_the_linear_space_of_blenders_configuration(tmp_path: Path
     succeeded(blender(tmp_path, **config))
     assert read_header(tmp_path / "out" / "0005.exr").color_space == "ACEScg"
     assert open_source(tmp_path / "out" / "render").info.color_space == "ACEScg"
+
+
+def test_a_linear_space_of_the_file_is_stated_and_shown(tmp_path: Path) -> None:
+    config, display = "ocio://cg-config-v1.0.0_aces-v1.3_ocio-v2.1", "sRGB - Display"
+    scene = {
+        "ocio": config, "linear": "Linear Rec.2020", "interop_id": "lin_rec2020_scene",
+        "view": {"display": display, "view": "Un-tone-mapped", "look": "None", "exposure": 0.0, "gamma": 1.0},
+    }  # fmt: skip
+    succeeded(blender(tmp_path, "--format", "png", "--format", "exr", scene=scene))
+    result = tmp_path / "out" / "exr" / "0005.exr"
+    assert read_header(result).color_space == "lin_rec2020"
+    assert open_source(tmp_path / "out" / "render").info.color_space == "lin_rec2020"
+    channels = read_exr(result)
+    light = np.stack([channels[axis] for axis in "RGB"], axis=-1).astype(np.float32)
+    transform = ocio_transform(config, display, "Un-tone-mapped", color_space="Linear Rec.2020")
+    png = np.asarray(ImageBuf(str(tmp_path / "out" / "png" / "0005.png")).get_pixels(FLOAT))
+    assert np.abs(png[..., :3] - transform.show(light)).max() < 0.01
 
 
 def test_a_video_waits_for_the_first_frame(tmp_path: Path, view: dict[str, Any]) -> None:

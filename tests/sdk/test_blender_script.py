@@ -7,6 +7,7 @@ from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
+import msgspec
 import pytest
 
 import supersampler
@@ -254,3 +255,72 @@ def test_objects_that_move_are_named_where_their_motion_is_unknown(
         cube.matrix_world, eye.matrix_world = [float(index)], [float(camera_moves * index)]
         warner.warn()
     assert sum("objects move, and will blur: Cube" in note for note in script.notes) == noted
+
+
+def test_objects_that_move_are_not_named_for_an_orthographic_camera_that_is_not_in_use(script: Any) -> None:
+    """Nor at a cut to one, where the history is dropped."""
+    script.bpy.context = SimpleNamespace(evaluated_depsgraph_get=lambda: None)
+    eye, other = camera("A"), camera("B", kind="ORTHO")
+    cube = SimpleNamespace(name="Cube", type="MESH", hide_render=False)
+    for item in (eye, other, cube):
+        item.matrix_world, item.evaluated_get = [0.0], lambda _, item=item: item
+    eye.data.ortho_scale = other.data.ortho_scale = 8.0
+    ours = scene(camera=eye, objects=[eye, other, cube], timeline_markers=markers((1, eye), (3, other)))
+    warner = script.MovedObjects(ours)
+    for index in range(1, 5):
+        cube.matrix_world, eye.matrix_world = [float(index)], [float(index)]
+        ours.camera = eye if index < 3 else other
+        warner.warn()
+    assert script.notes == []
+    other.matrix_world = cube.matrix_world = [9.0]
+    warner.warn()
+    assert len(script.notes) == 1
+
+
+@pytest.mark.parametrize(
+    ("version", "denoise", "length", "refused"),
+    [
+        ((4, 5, 0), "temporal", 45, False),
+        ((4, 5, 0), "temporal", 46, True),
+        ((4, 5, 0), "frame", 53, False),
+        ((4, 5, 0), "off", 54, True),
+        ((5, 0, 0), "temporal", 63, False),
+    ],
+)
+def test_a_view_layer_is_refused_where_blender_cuts_off_the_names_of_its_channels(
+    script: Any, version: tuple[int, ...], denoise: str, length: int, *, refused: bool
+) -> None:
+    script.bpy.app = SimpleNamespace(version=version)
+    layer = SimpleNamespace(name="\u00e9" + "a" * (length - 2))  # two bytes in UTF-8
+    if not refused:
+        script.check_name(layer, denoise)
+        return
+    with pytest.raises(script.BlenderSceneError, match=f"has {length} bytes; want at most {length - 1}"):
+        script.check_name(layer, denoise)
+
+
+def test_files_that_are_missing_are_noted(script: Any, tmp_path: Path) -> None:
+    def item(name: str, source: str = "FILE", *, users: int = 1, packed: object = None) -> SimpleNamespace:
+        return SimpleNamespace(filepath=name, source=source, users=users, packed_file=packed, library=None)
+
+    (tmp_path / "there.png").touch()
+    images = [item("//there.png"), item("//gone.png"), item("//packed.png", packed=object())]
+    images += [item("//unused.png", users=0), item("", "VIEWER"), item("")]
+    script.bpy.data = SimpleNamespace(libraries=[item("//lib.blend")], images=images)
+    script.bpy.app = SimpleNamespace(version=(4, 5, 0), autoexec_fail=False)
+    script.bpy.ops = SimpleNamespace(wm=SimpleNamespace(open_mainfile=lambda **_: None))
+    script.bpy.path = SimpleNamespace(
+        abspath=lambda path, **_: path and str(tmp_path / path.removeprefix("//"))
+    )
+    script.open_scene("scene.blend")
+    assert script.notes == ["files are missing, and frames lack what they hold: //lib.blend, //gone.png"]
+
+
+def test_a_path_that_is_not_utf8_is_reported(
+    script: Any, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("SUPERSAMPLER_RENDER", json.dumps({"token": "TOKEN"}))
+    module_of(Path(script.__file__)).report(note="//\udcff\u00e9\n.png")
+    assert msgspec.json.decode(capfd.readouterr().out.strip().removeprefix("TOKEN")) == {
+        "note": "//?\u00e9\n.png"
+    }

@@ -61,6 +61,37 @@ def test_parts_that_nuke_names_by_layer_and_view_are_recognised(tmp_path: Path, 
     np.testing.assert_array_equal(raw.motion, VALUES[..., 4:])
 
 
+def test_of_a_stereo_render_of_blender_5_the_first_view_is_read(tmp_path: Path) -> None:
+    passes = {"Combined": "RGB", "Depth": "Z", "Vector": "XY", "Emission": "RGB"}
+    parts = []
+    for number, view in enumerate(("left", "right")):
+        at = 0
+        for name, axes in passes.items():
+            spec = spec_of(tuple(f"Main.{name}.{axis}" for axis in axes))
+            spec.attribute("oiio:subimagename", f"Main.{name}-{view}")
+            spec.attribute("view", view)
+            values = np.take(VALUES, range(at, at + len(axes)), axis=-1, mode="wrap")
+            parts.append((spec, values * (1 - number)))
+            at += len(axes)
+    write_parts(tmp_path / "0001.exr", *parts)
+    shot = open_source(tmp_path)
+    raw = shot.read_raw(0)
+    np.testing.assert_array_equal(raw.color, VALUES[..., :3])
+    np.testing.assert_array_equal(raw.depth, VALUES[..., 3])
+    np.testing.assert_array_equal(raw.motion, VALUES[..., 4:])
+    assert shot.info.aov_names == ("Emission.R", "Emission.G", "Emission.B")
+    assert len(shot.ignored_channels) == 9, "those of the right view"
+
+
+def test_a_stereo_render_of_blender_4_is_answered_with_the_setting_to_change(tmp_path: Path) -> None:
+    names = [f"Main.{name}.{{}}.{axis}" for name in ("Combined", "Vector") for axis in "XYZ"]
+    spec = spec_of(tuple(name.format(view) for view in ("left", "right") for name in names))
+    spec.attribute("multiView", TypeDesc("string[2]"), ("left", "right"))
+    write_parts(tmp_path / "0001.exr", (spec, np.tile(VALUES, 2)))
+    with pytest.raises(ShotError, match="Set Views Format to Individual"):
+        open_source(tmp_path)
+
+
 @pytest.mark.parametrize("origin", [(0, 0), (-7, -5), (100, 60)])
 @pytest.mark.parametrize(("x", "y"), [(2, 1), (-3, -2), (4, -5), (20, 20)])
 def test_outside_of_a_data_window_is_background(

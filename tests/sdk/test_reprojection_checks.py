@@ -101,6 +101,8 @@ def test_pixels_move_by_at_least_a_tenth_of_the_longest_vectors() -> None:
     assert moves[:20].all()
     assert not moves[20:].any()
     assert not pair(view(), view()).moving(OURS).any()
+    rounded = np.full((60, 80, 2), 5e-8 * 80, np.float32)  # of the motion of a camera at rest
+    assert not pair(view(), view(), motion=rounded).moving(OURS).any()
 
 
 def test_frames_are_paired_if_both_are_shaded_of_one_size_and_without_a_cut() -> None:

@@ -237,7 +237,7 @@ def _transform_of(scene: "RenderedScene", formats: list[str]) -> "DisplayTransfo
         view.display,
         view.view,
         look=view.look,
-        color_space="scene_linear",
+        color_space=scene.linear,
         stops=view.exposure,
         gamma=view.gamma,
     )

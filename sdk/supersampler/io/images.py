@@ -188,8 +188,8 @@ def _part_names(source: oiio.ImageInput, path: Path | str, kind: str) -> list[li
     """Return the channel names of each part; in a multi-part EXR file they begin with the part's name.
 
     The first view at the end of a part's name is omitted, as Nuke names the parts of a view "main"
-    `rgba.main` and `depth.main`. Other formats have one part, the first image: further pages of a TIFF are
-    often small copies.
+    `rgba.main` and `depth.main`, and Blender 5 those of a view "left" `ViewLayer.Depth-left`. Other formats
+    have one part, the first image: further pages of a TIFF are often small copies.
     """
     if kind != "exr":
         return [list(source.spec().channelnames)]
@@ -206,7 +206,8 @@ def _part_names(source: oiio.ImageInput, path: Path | str, kind: str) -> list[li
     last_reason(source.geterror)  # clears the message of the seek past the last part
     if len(parts) == 1:
         return [parts[0][1]]
-    layers = [re.sub(rf"[._]{re.escape(view or 'main')}$", "", part) for part, _ in parts]
+    suffix = rf"[._-]{re.escape(view)}$" if view else r"[._]main$"
+    layers = [re.sub(suffix, "", part) for part, _ in parts]
     if len({*layers}) < len(layers):
         layers = [part for part, _ in parts]
     return [
@@ -444,11 +445,14 @@ def _color_space(spec: oiio.ImageSpec) -> str:
     return UNKNOWN_COLOR_SPACE
 
 
-def scene_linear_space(config: str) -> str:
+def scene_linear_space(config: str, interop_id: str = "") -> str:
     """Return the scene-linear space of an OpenColorIO configuration, named as in `ImageHeader.color_space`.
 
-    Rec. 709, as in Blender's own configuration, if the configuration is not on this machine.
+    Rec. 709, as in Blender's own configuration, if the configuration is not on this machine. `interop_id` is
+    the `colorInteropID` of the space that takes the configuration's place; "" without one.
     """
+    if interop_id:
+        return _INTEROP_IDS.get(interop_id, UNKNOWN_COLOR_SPACE)
     if not (config.startswith("ocio://") or files.is_file(Path(config))):
         return REC709
     return _INTEROP_IDS.get(

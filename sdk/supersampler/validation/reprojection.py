@@ -21,6 +21,7 @@ from supersampler.validation import probe
 MIN_TEXTURED = 1000
 """Minimum number of textured pixels for significant errors."""
 
+_ROUNDING = 1e-7  # of the larger side: shorter vectors are rounding errors of a projection
 _TEXTURE = 0.01  # minimum difference of tone-mapped luminance between neighbours
 # Motion of the image without motion vectors: tiles of the image are searched in the previous image.
 _TILES = 5  # along each axis
@@ -111,7 +112,8 @@ class FramePair:
         """Return the (n,) mask of pixels that move by at least a tenth of the longest vectors."""
         length = np.abs(self.now.vectors(conventions, self.pixels)).max(axis=1)
         length = np.where(np.isfinite(length), length, 0)
-        moves: NDArray[np.bool_] = (length > 0) & (length >= 0.1 * np.percentile(length, 99))
+        least = max(0.1 * float(np.percentile(length, 99)), _ROUNDING * max(self.now.size))
+        moves: NDArray[np.bool_] = length >= least
         return moves
 
     def disoccluded(self, order: probe.DepthOrder, conventions: Conventions, count: int) -> tuple[int, int]:

@@ -312,7 +312,7 @@ class _RenderFolder:
         """Raise ShotError if the scene has changed, as by a linked file; note another version of Blender."""
         for name, was in msgspec.structs.asdict(earlier).items():
             now = getattr(scene, name)
-            if now == was or name in ("numbers", "ocio"):
+            if now == was or name in ("numbers", "ocio", "linear", "interop_id"):
                 continue
             if name != "blender":
                 problem = f"frames of another render are there: {name} was {was}, is now {now}"

@@ -24,9 +24,13 @@ SETTINGS: dict[str, Any] = json.loads(os.environ.pop("SUPERSAMPLER_RENDER", "{}"
 
 
 def report(**content: object) -> None:
-    """Print one message for the parent process, on a line of its own."""
+    """Print one message for the parent process, on a line of its own.
+
+    Bytes of names and paths that are not UTF-8 become question marks.
+    """
     sys.stdout.flush()
-    os.write(1, f"\n{SETTINGS['token']}{json.dumps(content)}\n".encode())
+    line = f"\n{SETTINGS['token']}{json.dumps(content, ensure_ascii=False)}\n"
+    os.write(1, line.encode(errors="replace"))
 
 
 try:
@@ -40,6 +44,7 @@ PASSES = ("use_pass_combined", "use_pass_z", "use_pass_vector")
 SURFACE_PASSES = ("use_pass_normal", "use_pass_diffuse_color")  # for frames that are upscaled
 SAMPLES = 16  # per pixel of small frames in Cycles; docs/tutorials/blender.md compares numbers
 SCALE = 2.0  # display over render size of upscaled frames
+CHANNEL_BYTES = 64  # of a channel's name in EXR files before Blender 5
 EXACT_FILTER = ("BLACKMAN_HARRIS", 0.01)  # width in pixels, one position in effect; BOX is always 1 wide
 
 
@@ -69,6 +74,7 @@ def main(settings: dict[str, Any]) -> None:
         report(note=f"markers switch cameras at frame {at}: the history is dropped there")
     denoise = chosen_denoising(scene, settings["denoise"], settings["scale"])
     layer = chosen_layer(scene, settings["view_layer"])
+    check_name(layer, denoise)
     if settings["composite"]:
         compositor_of(scene, layer.name)
     set_engine(scene, layer, settings["samples"], denoise)
@@ -110,6 +116,19 @@ def open_scene(blend: str) -> None:
     if bpy.app.autoexec_fail:
         what = f"Python in the file is not run ({bpy.app.autoexec_fail_message})"
         report(note=f"{what}: Auto Run Python Scripts is off in Blender's preferences")
+    if missing := missing_files():
+        more = f" and {len(missing) - 8} more" if missing[8:] else ""
+        report(note=f"files are missing, and frames lack what they hold: {', '.join(missing[:8])}{more}")
+
+
+def missing_files() -> list[str]:
+    """Return the paths of the file's libraries and images that do not exist."""
+    libraries = [library for library in bpy.data.libraries if not library.packed_file]
+    images = [
+        image for image in bpy.data.images if image.source == "FILE" and image.users and not image.packed_file
+    ]
+    places = {bpy.path.abspath(item.filepath, library=item.library): item for item in libraries + images}
+    return [item.filepath for place, item in places.items() if place and not Path(place).exists()]
 
 
 def check_step(scene: Any) -> None:
@@ -211,6 +230,15 @@ def chosen_layer(scene: Any, name: str | None) -> Any:
     for each in scene.view_layers:
         each.use = each == layers[0]
     return layers[0]
+
+
+def check_name(layer: Any, denoise: str) -> None:
+    """Check that the names of the needed channels, which begin with the view layer's, are not cut off."""
+    longest = ".Denoising Albedo.R" if denoise == "temporal" else ".Combined.R"
+    most, own = CHANNEL_BYTES - len(longest), len(layer.name.encode())
+    if bpy.app.version < (5, 0) and own > most:
+        problem = f"the name of view layer {layer.name!r} has {own} bytes; want at most {most}"
+        raise BlenderSceneError(f"{problem}: before Blender 5, longer names of channels are cut off in EXR")
 
 
 SIMULATIONS = ("CLOTH", "DYNAMIC_PAINT", "FLUID", "PARTICLE_SYSTEM", "SOFT_BODY")
@@ -539,7 +567,7 @@ class MovedObjects:
     def __init__(self, scene: Any) -> None:
         self.scene = scene
         self.before: dict[str, Any] | None = None  # matrices of the previous frame
-        self.seen_from: tuple[Any, float] | None = None  # its camera
+        self.seen_from: tuple[str, Any, float] | None = None  # its camera
         self.is_workbench = scene.render.engine == "BLENDER_WORKBENCH"
         is_parallel = any(camera.data.type == "ORTHO" for camera in used_cameras(scene))
         self.is_active = self.is_workbench or (scene.render.engine == "CYCLES" and is_parallel)
@@ -552,16 +580,17 @@ class MovedObjects:
             return
         depsgraph = bpy.context.evaluated_depsgraph_get()
         camera = self.scene.camera.evaluated_get(depsgraph)
-        seen_from = camera.matrix_world.copy(), camera.data.ortho_scale
+        seen_from = self.scene.camera.name, camera.matrix_world.copy(), camera.data.ortho_scale
         now = {
             item.name: item.evaluated_get(depsgraph).matrix_world.copy()
             for item in self.scene.objects
             if item.type not in ("CAMERA", "LIGHT", "EMPTY") and not item.hide_render
         }
         moved = [name for name in now if self.before and self.before.get(name) not in (None, now[name])]
-        needs_vectors = self.is_workbench or seen_from != self.seen_from
+        is_cut = self.seen_from is None or self.seen_from[0] != seen_from[0]
+        is_wrong = self.is_workbench or (camera.data.type == "ORTHO" and seen_from != self.seen_from)
         self.before, self.seen_from = now, seen_from
-        if moved and needs_vectors:
+        if moved and is_wrong and not is_cut:
             what = f"objects move, and will blur: {', '.join(moved[:8])}"
             why = (
                 ""
@@ -603,6 +632,7 @@ def facts(
     """Return the properties of the scene that the reader of the frames needs; `name` is that in the file."""
     render, view = scene.render, scene.view_settings
     own = Path(bpy.utils.system_resource("DATAFILES"))
+    space = getattr(bpy.data, "colorspace", None)  # Blender 5: the file has its own linear space
     return {
         "name": name,
         "blender": bpy.app.version_string,
@@ -620,6 +650,7 @@ def facts(
             "exposure": view.exposure, "gamma": view.gamma,
         },
         "ocio": os.environ.get("OCIO") or str(own / "colormanagement" / "config.ocio"),
+        **({"linear": space.working_space, "interop_id": space.working_space_interop_id} if space else {}),
     }  # fmt: skip
 
 

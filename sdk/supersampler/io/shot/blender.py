@@ -21,7 +21,7 @@ from supersampler.io.images import read_exr, read_header, scene_linear_space
 from supersampler.io.json_files import FileSize, Rate, Text, check_sizes, check_version, read_typed
 from supersampler.io.shot.channels import SequenceOptions, first_file, import_channels
 from supersampler.io.shot.format import LARGEST_NUMBER, FrameEntry, ShotInfo, check_size, take
-from supersampler.io.shot.named_channels import blended_and_ignored, late_channels
+from supersampler.io.shot.named_channels import blended_and_ignored, late_channels, of_first_view
 from supersampler.io.shot.numbered import numbered_files
 from supersampler.io.shot.shot import Shot
 
@@ -105,6 +105,9 @@ class RenderedScene(msgspec.Struct, frozen=True, kw_only=True):
         cuts: numbers of the frames at which the camera changes.
         view: the scene's colour management.
         ocio: file of Blender's OpenColorIO configuration.
+        linear: name of the linear space of the pixels in that configuration. Since Blender 5, it is a
+            property of the .blend file.
+        interop_id: its `colorInteropID`; "" before Blender 5.
     """
 
     name: Text
@@ -121,6 +124,8 @@ class RenderedScene(msgspec.Struct, frozen=True, kw_only=True):
     cuts: Annotated[tuple[_Marker, ...], msgspec.Meta(max_length=SHOT_FRAMES)] = ()
     view: ColorManagement
     ocio: Text
+    linear: Text = "scene_linear"
+    interop_id: str = ""
 
     def __post_init__(self) -> None:
         check_sizes(self.render_size, self.display_size)
@@ -199,7 +204,7 @@ def import_blender(
     folder = Path(folder)
     first = first_file(folder, options)
     header = read_header(first)
-    types = header.types
+    types, other_views = of_first_view(header)
     channel_map = layer_map(first, types, layer, guides=checked_choice("guides", guides, get_args(Guides)))
     layer = channel_map["color"][0].removesuffix(".Combined.R")
     conventions = Conventions.blender() if conventions is None else checked_conventions(conventions)
@@ -212,7 +217,7 @@ def import_blender(
     names = aov_names(channel_map.get("aovs", ()), layer)
     shot = import_channels(folder, channel_map, conventions=conventions, aov_names=names, **options)
     used = {name for names in channel_map.values() for name in names}
-    shot.ignored_channels[:] = [name for name in _of_layer(types, layer) if name not in used]
+    shot.ignored_channels[:] = [name for name in _of_layer(types, layer) if name not in used] + other_views
     shot.late_channels = late_channels(shot, header)
     noisy = _channels(layer, "Noisy Image", "RGB")
     if {*noisy} <= types.keys():
@@ -396,7 +401,7 @@ def rendered_shot(
         frame_rate=scene.frame_rate,
         conventions=Conventions.blender(),
         first_number=first,
-        color_space=scene_linear_space(scene.ocio),
+        color_space=scene_linear_space(scene.ocio, scene.interop_id),
     )
     entries = [
         FrameEntry(

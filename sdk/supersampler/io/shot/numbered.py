@@ -317,7 +317,9 @@ class FrameRange:
         found = re.fullmatch(r"\s*(-?\d{1,10})\s*(?:-\s*(-?\d{1,10})\s*)?", text)
         first, last = (int(found[1]), int(found[2] or found[1])) if found else (1, 0)
         if not is_frame_range(first, last) or first < lowest:
-            raise ArgumentError(name, got=repr(text), want="FIRST-LAST, such as 10-50, or one frame number")
+            least = "" if lowest < 0 else f", not below {lowest}"
+            want = f"FIRST-LAST, such as 10-50, or one frame number{least}"
+            raise ArgumentError(name, got=repr(text), want=want)
         return cls(first, last)
 
     @property

@@ -139,10 +139,14 @@ def guess_layout(
     if not follow_links:
         check_inside(path, frames[:1], FOLLOW_LINKS)
     header = read_header(frames[0])
-    if is_blender(header.types):
+    types, other_views = of_first_view(header)
+    if is_blender(types):
         return "blender"
-    if recognised_map(frames[0], of_first_view(header)[0]) is not None:
+    if recognised_map(frames[0], types) is not None:
         return "channels"
+    if other_views and any(".Combined." in name for name in types):
+        hint = "Set Views Format to Individual, render again, and give the files of one view: ####_L.exr."
+        raise ShotError(path, "holds several views in each file, as Blender 4 names their channels", hint)
     blender = "in Blender, turn on Combined, Z and Vector, and save as OpenEXR MultiLayer"
     hint = f"Map them in a {MAP_FILE_NAME} (docs/shots.md); {blender}."
     raise ShotError(path, f"holds frames with the channels {_listed(list(header.types))}", hint)
