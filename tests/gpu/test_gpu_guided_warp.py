@@ -65,6 +65,23 @@ def test_images_are_those_of_torch_at_odd_and_changing_sizes(
     assert apart.max() < 1e-4
 
 
+@pytest.mark.parametrize("executor", ["ours", "on_cpu"])
+def test_pixels_are_missing_where_all_samples_around_are(
+    executor: str, request: pytest.FixtureRequest
+) -> None:
+    """Also in the second unshaded frame, and with the pre-exposure of each frame."""
+    frames = [replace(in_halves(surfaces(seed, (61, 35))), pre_exposure=1.0 + seed) for seed in range(3)]
+    frames[0].color[3:32, 8:40] = np.nan
+    found = extrapolated(request.getfixturevalue(executor), frames, "suu")
+    wanted = by_torch(frames, "suu")
+    for one, other in zip(found, wanted, strict=True):
+        missing = np.isnan(other)
+        assert missing.any(axis=2).sum() > 50
+        assert not missing.all()
+        np.testing.assert_array_equal(np.isnan(one), missing)
+        np.testing.assert_allclose(one[~missing], other[~missing], rtol=1e-3, atol=1e-3)
+
+
 def test_gbuffers_are_rounded_to_half_floats(ours: Extrapolator) -> None:
     frames = [surfaces(seed, (61, 35)) for seed in range(7)]
     apart = differences(extrapolated(ours, frames, "suuusuu"), by_torch(frames, "suuusuu"))

@@ -99,7 +99,7 @@ def test_a_flow_moves_a_shadow_and_leaves_textures_where_they_are() -> None:
 
 def test_a_gain_brightens_all_channels_alike_within_its_bound() -> None:
     now = gathered(Shadow(0.0))
-    said = sure_of(now.light)
+    said = sure_of(now.light.color)
     plain = GuidedFlow().finish(now, said)
     said[:, 2] = 9.0
     bright = GuidedFlow(GuidedFlowConfig(max_stops=1.0)).finish(now, said)
@@ -108,7 +108,7 @@ def test_a_gain_brightens_all_channels_alike_within_its_bound() -> None:
 
 def test_light_is_taken_as_far_as_the_network_is_sure() -> None:
     now = gathered(Shadow(0.0))
-    said = sure_of(now.light)
+    said = sure_of(now.light.color)
     said[:, 2] = 0.5
     said[:, 3] = torch.tensor([-30.0, 30.0]).repeat(16)
     plain, image = (GuidedFlow().finish(now, s) for s in (0.0 * said, said))
@@ -122,7 +122,7 @@ def test_light_does_not_move_from_one_surface_to_another() -> None:
     now = gathered(Shadow(4.0))
     turned = now.surface.normal.clone()
     turned[..., 32:] = torch.tensor([1.0, 0.0, 0.0])[:, None, None]
-    said = sure_of(now.light)
+    said = sure_of(now.light.color)
     said[:, 0] = -2.0
     method = GuidedFlow()
     image = method.finish(now._replace(surface=now.surface._replace(normal=turned)), said)

@@ -18,6 +18,7 @@ from noise import noise
 from shared_models import shared_model
 from supersampler import (
     ArgumentError,
+    Frame,
     FrameError,
     Model,
     ModelError,
@@ -80,6 +81,33 @@ def test_an_extrapolated_frame_is_nearly_what_a_shaded_one_would_be(taau: Model)
         np.mean([np.abs(i[index] - truth[index]).mean() for index in (5, 7, 9, 11)]) for i in (every, half)
     ]
     assert errors[1] < 1.3 * errors[0]
+
+
+@pytest.mark.parametrize("between", [0, 1], ids=["next", "second"])
+@pytest.mark.parametrize(
+    ("extrapolation", "executor"), [("guided-warp", "cpu"), ("guided-warp", "onnx"), ("guided-flow", "onnx")]
+)
+def test_where_the_last_shaded_frame_lacks_a_region_the_history_is_shown(
+    extrapolation: str, executor: ExecutorName, between: int
+) -> None:
+    # grey in grey: all images are of one colour, also beside the region
+    still = Frames(LitScene(velocity=(0.0, 0.0), disc_velocity=(0.0, 0.0)), SIZE)
+    upscaler = make(shared_model("taau", executor), extrapolation=extrapolation)
+
+    def grey(index: int) -> Frame:
+        frame = still(index)
+        alike = {"base_color": np.full_like(frame.color, 0.5), "roughness": np.full_like(frame.depth, 0.5)}
+        buffers = {**frame.gbuffer, **alike}
+        return replace(frame, color=np.full((*frame.depth.shape, 3), 0.5, np.float32), gbuffer=buffers)
+
+    for index in range(8):
+        upscaler.step(grey(index))
+    frame = grey(8)
+    frame.color[4:30, 10:40] = np.nan  # wider than the samples around a pixel that are read
+    upscaler.step(frame)
+    for index in range(between + 1):
+        image = upscaler.extrapolate(replace(grey(9 + index), color=None))
+    np.testing.assert_allclose(image, 0.5, atol=0.01)
 
 
 def test_the_render_size_may_change_between_frames(taau: Model) -> None:

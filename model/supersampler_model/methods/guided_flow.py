@@ -26,7 +26,7 @@ from supersampler_model.methods import guided_warp
 from supersampler_model.methods.base import LearnedMethod, NetworkSubgraph
 from supersampler_model.methods.classifier_network import Block, padded
 from supersampler_model.methods.gbuffer_network import doubled
-from supersampler_model.methods.guided_warp import Shaded, Surface
+from supersampler_model.methods.guided_warp import Light, Shaded, Surface
 
 LIGHT = 4  # channels of an input: toned light, roughness
 FLOW = 2  # output channels of the flow: offset across, offset down
@@ -127,7 +127,7 @@ class Gathered(NamedTuple):
     """Results of the gather stage."""
 
     surface: Surface
-    light: Tensor  # (1, 3, h, w) guided light of the last shaded frame
+    light: Light  # guided light of the last shaded frame
     lights: Lights
     motion: Tensor  # (1, 2, h, w) to the last shaded frame
 
@@ -162,7 +162,7 @@ class GuidedFlow(LearnedMethod):
         gbuffer_roughness: Tensor,  # (1, 1, h, w)
         *history: Tensor,  # as in `GuidedFlow.history`
     ) -> tuple[Tensor, ...]:
-        """Return the image (1, 3, h, w), linear RGB >= 0, and the next history."""
+        """Return the image (1, 3, h, w), linear RGB >= 0 or NaN, and the next history."""
         grouped = flow_history(*history)
         surface = guided_warp.surface_of(gbuffer_base_color, gbuffer_normal, depth)
         gathered = self.gather(surface, gbuffer_roughness, motion, jitter, grouped)
@@ -180,7 +180,8 @@ class GuidedFlow(LearnedMethod):
         light = guided_warp.guided_light(surface, last, x, y, c)
         x, y = guided_warp.samples_at(to_earlier, jitter, ops.size_of(earlier.color), earlier.jitter)
         half_surface = Surface(*map(halved, surface))
-        lights = [halved(light), guided_warp.guided_light(half_surface, earlier, halved(x), halved(y), c)]
+        earlier_light = guided_warp.guided_light(half_surface, earlier, halved(x), halved(y), c).color
+        lights = [halved(light.color), earlier_light]
         exposure, _ = ops.measured_exposure(lights[0], torch.ones_like(half_surface.depth))
         rough = halved(ops.finite(roughness).clamp(0.0, 1.0))
         toned = (ops.tone(half * exposure).clamp(max=MAX_TONED) for half in lights)
@@ -189,8 +190,11 @@ class GuidedFlow(LearnedMethod):
     def finish(self, gathered: Gathered, flow: Tensor) -> Tensor:
         """Return the image (1, 3, h, w) from the network's output."""
         surface = gathered.surface
-        light = self.refined(gathered.light, self.guides(surface), flow)
-        return ops.bounded(light * guided_warp.reflectance(surface, self.config.warp))
+        light, known = gathered.light
+        guides = torch.where(known, self.guides(surface), extrapolation.INVALID_DEPTH)  # similar to no other
+        light = self.refined(light, guides, flow)
+        image = ops.bounded(light * guided_warp.reflectance(surface, self.config.warp))
+        return torch.where(known, image, guided_warp.MISSING)
 
     def guides(self, surface: Surface) -> Tensor:
         """Return surface features (1, 4, h, w) in standard deviations: normal and logarithm of depth."""
@@ -220,9 +224,9 @@ class GuidedFlow(LearnedMethod):
     def next_history(self, motion: Tensor, jitter: Tensor, history: FlowHistory) -> list[Tensor]:
         """Return the next history, in the order of `history`; `motion` points to the last shaded frame."""
         return [
-            *(history.last.color, *history.last.surface, history.last.jitter * 1.0),
+            *(history.last.next_color(), *history.last.surface, history.last.jitter * 1.0),
             *(motion, jitter * 1.0, ops.usable_motion(history.shaded_motion)),
-            *(history.earlier.color, *history.earlier.surface, history.earlier.jitter * 1.0),
+            *(history.earlier.next_color(), *history.earlier.surface, history.earlier.jitter * 1.0),
             *(ops.usable_motion(history.between), history.between_jitter * 1.0),
         ]
 

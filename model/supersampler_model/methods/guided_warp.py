@@ -23,12 +23,15 @@ from supersampler.methods.extrapolation.spec import (
     KEY_INDICES,
     KEY_STEPS,
     MAX_KEY,
+    MIN_LIGHT_WEIGHT,
     NEIGHBOURS,
     SKY_DEPTH,
     GuidedWarpConfig,
 )
 from supersampler_model import ops
 from supersampler_model.methods.base import Method
+
+MISSING = float("nan")
 
 
 class Surface(NamedTuple):
@@ -42,9 +45,21 @@ class Surface(NamedTuple):
 class Shaded(NamedTuple):
     """A shaded frame, the source of light."""
 
-    color: Tensor  # (1, 3, h', w') linear RGB, sanitized
+    color: Tensor  # (1, 3, h', w') linear RGB, sanitized; 0 where the sample is missing
+    usable: Tensor  # (1, 1, h', w') 0 where the sample is missing, else 1
     surface: Surface
     jitter: Tensor  # (1, 2)
+
+    def next_color(self) -> Tensor:
+        """Return the colour for the next history: NaN where the sample is missing."""
+        return torch.where(self.usable > 0.0, self.color, MISSING)
+
+
+class Light(NamedTuple):
+    """Light on the surfaces of an unshaded frame."""
+
+    color: Tensor  # (1, 3, h, w) 0 where it is unknown
+    known: Tensor  # (1, 1, h, w) whether a sample of the shaded frame is near: bool
 
 
 class Guide(NamedTuple):
@@ -66,8 +81,9 @@ class Candidate(NamedTuple):
 
 def shaded_of(color: Tensor, base_color: Tensor, normal: Tensor, depth: Tensor, jitter: Tensor) -> Shaded:
     """Sanitize a shaded frame."""
-    surface = surface_of(base_color, normal, depth, ops.valid(color))
-    return Shaded(ops.sanitize(color, 0.0), surface, jitter)
+    usable = ops.valid(color)
+    surface = surface_of(base_color, normal, depth, usable)
+    return Shaded(ops.sanitize(color, 0.0) * usable, usable, surface, jitter)
 
 
 def reflectance(surface: Surface, config: GuidedWarpConfig) -> Tensor:
@@ -76,8 +92,8 @@ def reflectance(surface: Surface, config: GuidedWarpConfig) -> Tensor:
     return torch.where(sky, 1.0, surface.base_color + config.least)
 
 
-def guided_light(surface: Surface, shaded: Shaded, x: Tensor, y: Tensor, config: GuidedWarpConfig) -> Tensor:
-    """Return the light (1, 3, h, w) on surfaces of this frame, from similar samples of a shaded frame.
+def guided_light(surface: Surface, shaded: Shaded, x: Tensor, y: Tensor, config: GuidedWarpConfig) -> Light:
+    """Return the light on surfaces of this frame, from similar samples of a shaded frame.
 
     Args:
         surface: (h, w) of all pixels of this frame, or of some.
@@ -88,7 +104,7 @@ def guided_light(surface: Surface, shaded: Shaded, x: Tensor, y: Tensor, config:
     """
     guide = _guide(surface, shaded, x, y, config)
     light = _rows(shaded.color / reflectance(shaded.surface, config))
-    return _mean(_candidates(guide, config), light, ops.size_of(surface.depth))
+    return _mean(_candidates(guide, config), light, _rows(shaded.usable), ops.size_of(surface.depth))
 
 
 def _guide(surface: Surface, shaded: Shaded, x: Tensor, y: Tensor, config: GuidedWarpConfig) -> Guide:
@@ -134,13 +150,22 @@ def _candidate(
     return Candidate(index, 0.5 * ((difference * difference).sum(dim=1) + (x * x + y * y)))
 
 
-def _mean(candidates: Sequence[Candidate], light: Tensor, size: ops.Size) -> Tensor:
-    """Return the weighted mean (1, 3, h, w) of samples of `light`, (h' w', 3) (equation 3)."""
+def _mean(candidates: Sequence[Candidate], light: Tensor, usable: Tensor, size: ops.Size) -> Light:
+    """Return the mean of the usable (h' w', 1) samples of `light`, (h' w', 3), by weight (equation 3)."""
     lowest = reduce(torch.minimum, [candidate.cost for candidate in candidates])
-    weights = [(lowest - candidate.cost).exp()[:, None] for candidate in candidates]
-    terms = [light.index_select(0, c.sample) * weight for c, weight in zip(candidates, weights, strict=True)]
-    mean = ops.sum_of(terms) / ops.sum_of(weights)
-    return mean.reshape(1, size.height, size.width, 3).permute(0, 3, 1, 2)
+    samples = [candidate.sample for candidate in candidates]
+    weights = [
+        (lowest - candidate.cost).exp()[:, None] * usable.index_select(0, candidate.sample)
+        for candidate in candidates
+    ]
+    terms = [light.index_select(0, sample) * weight for sample, weight in zip(samples, weights, strict=True)]
+    total = ops.sum_of(weights)
+    mean = ops.sum_of(terms) / total.clamp(min=MIN_LIGHT_WEIGHT)
+
+    def image(rows: Tensor) -> Tensor:
+        return rows.reshape(1, size.height, size.width, -1).permute(0, 3, 1, 2)
+
+    return Light(image(mean), image(total) >= MIN_LIGHT_WEIGHT)
 
 
 def surface_of(base_color: Tensor, normal: Tensor, depth: Tensor, usable: Tensor | None = None) -> Surface:
@@ -225,8 +250,8 @@ class GuidedWarp(Method):
     """Light each pixel like similar surfaces of the last shaded frame.
 
     It does not step on shaded frames: the history after one is that frame, see `after_shaded`. With a history
-    of zeros the image is black. Samples with invalid colour, surface or depth are used only where there are
-    no others.
+    of zeros the image is black. Samples with invalid surface or depth are used only where there are no
+    others. Where all samples nearby are missing, so is the pixel: the image is NaN.
     """
 
     spec: ClassVar = GUIDED_WARP
@@ -247,11 +272,11 @@ class GuidedWarp(Method):
         history_motion: Tensor,  # (1, 2, h'', w'')
         history_motion_jitter: Tensor,  # (1, 2)
     ) -> tuple[Tensor, ...]:
-        """Return the image (1, 3, h, w), linear RGB >= 0, and the next history."""
+        """Return the image (1, 3, h, w), linear RGB >= 0 or NaN, and the next history."""
         surface = surface_of(gbuffer_base_color, gbuffer_normal, depth)
         shaded = shaded_of(history_color, history_base_color, history_normal, history_depth, history_jitter)
         to_shaded = back_to_shaded(motion, jitter, history_motion, history_motion_jitter)
         x, y = samples_at(to_shaded, jitter, ops.size_of(shaded.color), shaded.jitter)
-        light = guided_light(surface, shaded, x, y, self.config)
-        image = ops.bounded(light * reflectance(surface, self.config))
-        return (image, shaded.color, *shaded.surface, shaded.jitter * 1.0, to_shaded, jitter * 1.0)
+        light, known = guided_light(surface, shaded, x, y, self.config)
+        image = torch.where(known, ops.bounded(light * reflectance(surface, self.config)), MISSING)
+        return (image, shaded.next_color(), *shaded.surface, shaded.jitter * 1.0, to_shaded, jitter * 1.0)

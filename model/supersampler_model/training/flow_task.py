@@ -105,7 +105,7 @@ class LightCache:
     def _light_frame(self, frame: TrainingFrame, color: Tensor, gathered: Gathered) -> LightFrames:
         method, (later, earlier) = self._method, gathered.lights
         full = [
-            ops.bounded(gathered.light * frame.exposure),
+            ops.bounded(gathered.light.color * frame.exposure),
             method.guides(gathered.surface).clamp(-MAX_HALF, MAX_HALF),
             reflectance(gathered.surface, method.config.warp),
             ops.bounded(color * frame.exposure),

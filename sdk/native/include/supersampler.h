@@ -213,7 +213,9 @@ typedef struct ss_shaded {
 } ss_shaded;
 
 typedef struct ss_extrapolated {
-    ss_image color;  /* 3 channels of the frame's size: linear RGB, finite, >= 0, with the frame's pre-exposure */
+    /* 3 channels of the frame's size: linear RGB, >= 0, with the frame's pre-exposure; NaN where all samples of the shaded
+     * frame around are missing */
+    ss_image color;
     ss_image motion; /* 2 channels: motion of the frame back to the shaded one, for the next call; or no data */
     int (*cancelled)(void* user); /* as in `ss_outputs` */
     void* user;

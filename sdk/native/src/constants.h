@@ -267,6 +267,7 @@ constexpr float INVALID_DEPTH = 10000.0f;
 constexpr float KEY_STEPS = 16.0f;
 constexpr float MAX_KEY = 262143.0f;
 constexpr float KEY_INDICES = 64.0f;
+constexpr float MIN_LIGHT_WEIGHT = 1e-12f;
 constexpr float RING_MARGIN = 0.999f;
 constexpr float NEIGHBOURS[] = {0.0f, -1.0f, -1.0f, 0.0f, 1.0f, 0.0f, 0.0f, 1.0f, -1.0f, -1.0f, 1.0f, -1.0f, -1.0f, 1.0f, 1.0f, 1.0f};
 struct Config {

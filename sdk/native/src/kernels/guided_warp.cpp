@@ -9,6 +9,7 @@ namespace ss::SS_ISA {
 using namespace guided_warp;
 
 constexpr int GUIDES = WARP_PLANES - 3;
+constexpr float MISSING = __builtin_nanf("");  // red light of a missing sample
 
 static I is_usable(F v) { return absolute(v) <= MAX_HALF; }
 static I are_usable(F3 c) { return is_usable(c.r) & is_usable(c.g) & is_usable(c.b); }
@@ -66,10 +67,11 @@ void warp_read_shaded(const WarpWork& w, int y0, int y1, int thread) {
         I known = I{};
         for (int x = 0; x < w.shaded.width; x += W) {
             const F3 c = load_rgb(whole_vector<3>(color, x, w.shaded.width, tail)) * (1.0f / w.shaded_pre_exposure);
-            const Surface s = row.surface(w.config, x, usable(c));
+            const I is_there = usable(c);
+            const Surface s = row.surface(w.config, x, is_there);
             known = known | (s.guides[GUIDES - 1] != INVALID_DEPTH);
             for (int k = 0; k < GUIDES; k++) store(to + k * plane + x, s.guides[k]);
-            store(to + GUIDES * plane + x, sanitize(c.r) / s.reflectance.r);
+            store(to + GUIDES * plane + x, select(is_there, sanitize(c.r) / s.reflectance.r, MISSING));
             store(to + (GUIDES + 1) * plane + x, sanitize(c.g) / s.reflectance.g);
             store(to + (GUIDES + 2) * plane + x, sanitize(c.b) / s.reflectance.b);
         }
@@ -177,19 +179,22 @@ static void find_nearest(const WarpWork& w, const Surface& surface, F x, F y, Ca
     }
 }
 
-// The weighted mean light of four samples.
+// The weighted mean light of four samples; where all are missing, MISSING.
 static F3 mean_light(const WarpWork& w, const Candidate (&nearest)[4]) {
     const ptrdiff_t plane = static_cast<ptrdiff_t>(w.shaded.height) * w.stride;
     F least = nearest[0].distance, total = F{};
     for (const Candidate& candidate : nearest) least = minimum(candidate.distance, least);
     F3 sum = {F{}, F{}, F{}};
     for (const Candidate& candidate : nearest) {
-        const F weight = exponential(least - candidate.distance);
         auto light = [&](int c) { return gather(w.samples + (GUIDES + c) * plane, candidate.index); };
-        sum = sum + F3{light(0), light(1), light(2)} * weight;
+        const F red = light(0);
+        const I is_there = red == red;
+        const F weight = select(is_there, exponential(least - candidate.distance), 0.0f);
+        sum = sum + F3{select(is_there, red, 0.0f), light(1), light(2)} * weight;
         total += weight;
     }
-    return sum * (1.0f / total);
+    const F3 mean = sum * (1.0f / maximum(total, MIN_LIGHT_WEIGHT));
+    return {select(total >= MIN_LIGHT_WEIGHT, mean.r, MISSING), mean.g, mean.b};
 }
 
 void warp_rows(const WarpWork& w, int y0, int y1, int thread) {
@@ -214,7 +219,10 @@ void warp_rows(const WarpWork& w, int y0, int y1, int thread) {
             find_nearest(w, surface, clamped(px, 0.0f, static_cast<float>(w.shaded.width - 1)),
                          clamped(py, 0.0f, static_cast<float>(w.shaded.height - 1)), nearest);
             const F3 light = mean_light(w, nearest), r = surface.reflectance;
-            const F3 color = bounded(F3{light.r * r.r, light.g * r.g, light.b * r.b});
+            const F3 bound = bounded(F3{light.r * r.r, light.g * r.g, light.b * r.b});
+            const I known = light.r == light.r;
+            const F3 color = {select(known, bound.r, MISSING), select(known, bound.g, MISSING),
+                              select(known, bound.b, MISSING)};
             write_rgb(w.color, y, x, width, w.pre_exposure == 1.0f ? color : color * w.pre_exposure);
             if (!w.next_motion.data) continue;
             write_plane(w.next_motion, y, x, width, mx);

@@ -145,5 +145,5 @@ class GpuExtrapolation:
 
     def _warp_params(self, shaded: Size, tensors: Mapping[str, Any]) -> Float32:
         """Return the shader's `WarpParams`."""
-        head = *shaded, *tensors["jitter"][0], *tensors["motion_jitter"][0], 0.0, 0.0
+        head = *shaded, *tensors["jitter"][0], *tensors["motion_jitter"][0], math.nan, 0.0
         return np.concatenate([np.array(head, np.float32), self._offsets.ravel()])

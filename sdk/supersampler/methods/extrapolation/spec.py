@@ -16,6 +16,9 @@ INVALID_DEPTH = 1e4
 """Guide value of an invalid depth, in standard deviations: far from all others."""
 KEY_STEPS, MAX_KEY, KEY_INDICES = 16.0, 262143.0, 64.0
 """Layout of a sort key: steps per unit of cost, maximum number of steps, range of indices."""
+MIN_LIGHT_WEIGHT = 1e-12
+"""Minimum sum of the weights of samples that are not missing, relative to that of the most similar sample;
+below it, the pixel is missing."""
 RING_MARGIN = 1.0 - 1e-3
 """Factor of the least cost of a ring, where kernels leave it out as too far away: against rounding."""
 

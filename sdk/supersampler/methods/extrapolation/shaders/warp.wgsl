@@ -83,7 +83,8 @@ fn find_nearest(guide: Guide) -> vec4f {
     return keys;
 }
 
-fn mean_light(guide: Guide, keys: vec4f) -> vec3f {
+// The light of usable samples, and the sum of their weights.
+fn mean_light(guide: Guide, keys: vec4f) -> vec4f {
     let numbers = vec4u(keys - floor(keys / KEY_INDICES) * KEY_INDICES);
     var candidates: array<Candidate, 4>;
     /* unroll */ for (var i = 0; i < 4; i++) {
@@ -93,10 +94,11 @@ fn mean_light(guide: Guide, keys: vec4f) -> vec3f {
     var sum = vec4f(0.0);
     /* unroll */ for (var i = 0; i < 4; i++) {
         let k = 3u * candidates[i].index;
-        let color = sanitize(vec3f(history_color[k], history_color[k + 1u], history_color[k + 2u]));
-        sum += exp(least - candidates[i].cost) * vec4f(color / reflectance(candidates[i].surface), 1.0);
+        let color = vec3f(history_color[k], history_color[k + 1u], history_color[k + 2u]);
+        let weight = select(0.0, exp(least - candidates[i].cost), all_valid(color));
+        sum += weight * vec4f(sanitize(color) / reflectance(candidates[i].surface), 1.0);
     }
-    return sum.rgb / sum.a;
+    return vec4f(sum.rgb / max(sum.a, MIN_LIGHT_WEIGHT), sum.a);
 }
 
 @compute @workgroup_size(8, 8)
@@ -111,6 +113,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let surface = unpacked(packed(surface_of(base_color, normal, depth_at(p), known)));
     let guide = Guide(surface, at, floor(at + 0.5));
     let light = mean_light(guide, find_nearest(guide));
-    store_image(p, bounded(light * reflectance(surface)) * params.pre_exposure);
+    let color = bounded(light.rgb * reflectance(surface)) * params.pre_exposure;
+    store_image(p, select(vec3f(warp.missing), color, light.a >= MIN_LIGHT_WEIGHT));
     next_motion[index_of(p, render_size())] = motion;
 }

@@ -5,7 +5,8 @@ struct WarpParams {
     shaded: vec2f,            // size of the shaded frame
     shaded_jitter: vec2f,
     previous_jitter: vec2f,   // of the previous frame, shaded or not
-    unused: vec2f,
+    missing: f32,             // NaN, which WGSL has no constant for
+    unused: f32,
     offsets: array<vec4f, 8 * RINGS + 1>,    // x, y of the samples among which a pixel chooses: the nearest one, then rings of eight
 }
 
