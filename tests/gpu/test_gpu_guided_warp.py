@@ -71,7 +71,9 @@ def test_pixels_are_missing_where_all_samples_around_are(
 ) -> None:
     """Also in the second unshaded frame, and with the pre-exposure of each frame."""
     frames = [replace(in_halves(surfaces(seed, (61, 35))), pre_exposure=1.0 + seed) for seed in range(3)]
-    frames[0].color[3:32, 8:40] = np.nan
+    color = np.array(frames[0].color)
+    color[3:32, 8:40] = np.nan
+    frames[0] = replace(frames[0], color=color)
     found = extrapolated(request.getfixturevalue(executor), frames, "suu")
     wanted = by_torch(frames, "suu")
     for one, other in zip(found, wanted, strict=True):

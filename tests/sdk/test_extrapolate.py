@@ -95,16 +95,16 @@ def test_where_the_last_shaded_frame_lacks_a_region_the_history_is_shown(
     upscaler = make(shared_model("taau", executor), extrapolation=extrapolation)
 
     def grey(index: int) -> Frame:
-        frame = still(index)
-        alike = {"base_color": np.full_like(frame.color, 0.5), "roughness": np.full_like(frame.depth, 0.5)}
-        buffers = {**frame.gbuffer, **alike}
-        return replace(frame, color=np.full((*frame.depth.shape, 3), 0.5, np.float32), gbuffer=buffers)
+        frame, color = still(index), np.full((*SIZE[::-1], 3), 0.5, np.float32)
+        assert frame.gbuffer is not None
+        buffers = {**frame.gbuffer, "base_color": color, "roughness": color[..., 0]}
+        return replace(frame, color=color, gbuffer=buffers)
 
     for index in range(8):
         upscaler.step(grey(index))
-    frame = grey(8)
-    frame.color[4:30, 10:40] = np.nan  # wider than the samples around a pixel that are read
-    upscaler.step(frame)
+    color = np.full((*SIZE[::-1], 3), 0.5, np.float32)
+    color[4:30, 10:40] = np.nan  # wider than the samples around a pixel that are read
+    upscaler.step(replace(grey(8), color=color))
     for index in range(between + 1):
         image = upscaler.extrapolate(replace(grey(9 + index), color=None))
     np.testing.assert_allclose(image, 0.5, atol=0.01)
