@@ -59,7 +59,10 @@ def test_bad_pixels_of_one_frame_reach_neither_images_nor_histories(name: str) -
                 pixels[:, :, 2 * row, 4:9] = value
             for done in run(name, [{key: pixels} if index == spoilt else {} for index in range(3)]):
                 assert done.image.min() >= 0.0, key
-                assert all(value.isfinite().all() for value in (done.image, *done.history)), key
+                history = dict(zip(method.history, done.history, strict=True))
+                if method.extrapolates():  # it holds the last shaded frame as it is
+                    history = {name: value for name, value in history.items() if not name.endswith("color")}
+                assert all(value.isfinite().all() for value in (done.image, *history.values())), key
 
 
 @pytest.mark.parametrize("name", CONVERGING)
