@@ -1,16 +1,15 @@
 """A step depends on its frame and its history alone, not on what the buffers that it writes to held."""
 
-import os
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
-from fuzzing import examples
+from random_cases import random_cases
 from rest_scenes import RestScene, wave
 from shared_models import shared_model
 from supersampler import Frame, Model
@@ -34,12 +33,7 @@ class Branch:
 
 
 @pytest.mark.parametrize("method", ["taau", "classifier", "gbuffer-fast"])
-@settings(
-    max_examples=examples(3),
-    derandomize="SUPERSAMPLER_FUZZ" not in os.environ,
-    deadline=None,
-    suppress_health_check=[HealthCheck.too_slow],
-)
+@random_cases(3)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_a_step_depends_on_its_frame_and_its_history_alone(method: str, seed: int) -> None:
     model, rng = shared_model(method, "cpu"), np.random.default_rng(seed)

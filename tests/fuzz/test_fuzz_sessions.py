@@ -1,17 +1,16 @@
 """Sessions whose caller refuses, saves, warms up, shares and overwrites give the images of plain ones."""
 
-import os
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
-from fuzzing import examples
 from noise import noise
+from random_cases import random_cases
 from shared_models import shared_model
 from supersampler import Frame, Upscaler
 from supersampler.arguments import ExecutorName
@@ -96,12 +95,7 @@ def refused(upscaler: Upscaler, frame: Frame, rng: Rng) -> None:
 @pytest.mark.parametrize(
     ("method", "executor"), [("taau", "cpu"), ("gbuffer-fast", "cpu"), ("taau", "onnx"), ("taa", "onnx")]
 )
-@settings(
-    max_examples=examples(3),
-    derandomize="SUPERSAMPLER_FUZZ" not in os.environ,
-    deadline=None,
-    suppress_health_check=[HealthCheck.too_slow],
-)
+@random_cases(3)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_images_are_those_of_a_plain_session(method: str, executor: ExecutorName, seed: int) -> None:
     model, rng = shared_model(method, executor), np.random.default_rng(seed)

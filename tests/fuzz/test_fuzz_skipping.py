@@ -1,14 +1,13 @@
 """Skipping changes no bit: random rest, motion, light, sizes, masks, cuts and outputs."""
 
-import os
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
-from fuzzing import examples
+from random_cases import random_cases
 from rest_scenes import wave
 from shared_models import shared_model
 from supersampler import Frame, Upscaler, halton_jitter
@@ -80,12 +79,7 @@ def frames(segments: list[Segment]) -> Iterator[tuple[Frame, tuple[str, ...]]]:
             index += 1
 
 
-@settings(
-    max_examples=examples(6),
-    derandomize="SUPERSAMPLER_FUZZ" not in os.environ,
-    deadline=None,
-    suppress_health_check=[HealthCheck.too_slow],
-)
+@random_cases(6)
 @given(SEGMENTS, st.sampled_from(["taau", "classifier"]))
 def test_skipping_changes_no_bit(segments: list[Segment], method: str) -> None:
     options: dict[str, Any] = {"display_size": DISPLAY, "validate": "off"}

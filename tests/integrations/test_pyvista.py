@@ -877,13 +877,13 @@ def test_a_window_renders_on_by_a_timer_until_it_has_converged() -> None:
 
 @pytest.mark.skipif(XVFB is None, reason="xvfb-run cannot be found: Debian's xvfb and xauth have it")
 def test_timers_of_the_program_start_no_more_timers() -> None:
-    seconds, timers = map(float, in_a_window(ANIMATED))
+    seconds, timers = animated(60, 40, "timers")
     assert timers <= 1 + seconds / 0.09  # one at a time, of 100 ms, which may end early
 
 
 @pytest.mark.skipif(XVFB is None, reason="xvfb-run cannot be found: Debian's xvfb and xauth have it")
 def test_animations_by_a_timer_are_as_fast_as_without() -> None:
-    seconds, steps = map(float, in_a_window(STEPPED))
+    seconds, steps = animated(12, 300, "frames")
     assert steps <= 2 + seconds / 0.3
 
 
@@ -929,37 +929,29 @@ frames, timers = [], []
 create = interactor.CreateOneShotTimer
 interactor.CreateOneShotTimer = lambda ms: timers.append(perf_counter()) or create(ms)
 
-def animate(*_):
-    frames.append(1)
-    plotter.camera.Azimuth(0.2)
-    plotter.render()
-    if len(frames) == 60:
-        interactor.TerminateApp()
-
-interactor.AddObserver("TimerEvent", animate)
-interactor.CreateRepeatingTimer(40)
-plotter.show(auto_close=False)
-print(timers[-1] - timers[0], len(timers))
-"""
-
-
-STEPPED = """
-from time import perf_counter
-
-ends = []
-
 def animate(*_):  # one step an event, whoever has started the timer
-    ends.append(perf_counter())
+    frames.append(perf_counter())
     plotter.camera.Azimuth(0.2)
     plotter.render()
-    if len(ends) == 12:
+    if len(frames) == COUNT:
         interactor.TerminateApp()
 
 interactor.AddObserver("TimerEvent", animate)
-interactor.CreateRepeatingTimer(300)
+interactor.CreateRepeatingTimer(PAUSE)
 plotter.show(auto_close=False)
-print(ends[-1] - ends[0], len(ends))
+times = TIMES
+print(times[-1] - times[0], len(times))
 """
+
+
+def animated(count: int, pause: int, times: str) -> tuple[float, float]:
+    """Animate `count` frames by a timer of `pause` ms; return the span and the number of these times.
+
+    `times` is "frames", or "timers" that supersampling has started.
+    """
+    names = f"COUNT, PAUSE = {count}, {pause}\n"
+    seconds, steps = map(float, in_a_window(names + ANIMATED.replace("TIMES", times)))
+    return seconds, steps
 
 
 def test_a_server_renders_on_in_its_event_loop_until_it_has_converged(plotter: Any) -> None:

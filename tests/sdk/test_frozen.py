@@ -88,7 +88,7 @@ def test_skipping_changes_no_bit_of_images_maps_and_states(method: str) -> None:
 
 @pytest.mark.parametrize(("method", "executor"), WAYS)
 def test_a_repeated_step_may_reuse_the_history_of_one_that_unfroze_a_part(method: str, executor: str) -> None:
-    """As after an error between the step and the end of the call."""
+    """Two steps from one history: the second writes to what the first, which unfroze a part, has left."""
     model = shared_model(method, executor)
     history = model.first_history(DISPLAY, RENDER)
     for index in range(2 * PERIOD + 2):
