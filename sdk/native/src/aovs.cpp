@@ -10,19 +10,21 @@ static ss_status check(const ss_aovs& v, ss_error* error) {
         return fail(error, SS_BAD_ARGUMENT, "channels is %d; want 1 to %d", v.channels, MAX_CHANNELS);
     if (!v.aovs || !v.depth || !v.motion || !v.image)
         return fail(error, SS_BAD_ARGUMENT, "an array is NULL; only previous and weight may be");
-    if (v.image == v.aovs || v.image == v.depth || v.image == v.motion || v.image == v.weight)
-        return fail(error, SS_BAD_ARGUMENT, "image is in the memory of another array; want other memory");
     return check_jitter(v.jitter, error);
 }
 
-// Checks that a view writes to no array that another one reads or writes, nor to its own of the previous frame.
+// Checks that a view writes to no array that it reads or that another one, if it is another, uses.
 static ss_status check_apart(const ss_aovs& v, const ss_aovs& other, ss_error* error) {
     if (v.image == other.previous)
         return fail(error, SS_BAD_ARGUMENT, "image is that of the previous frame; want other memory");
-    if (&v != &other && (v.image == other.image || v.image == other.aovs || v.image == other.depth ||
-                         v.image == other.motion || v.image == other.weight))
-        return fail(error, SS_BAD_ARGUMENT, "image is in the memory of another view; want other memory");
-    return SS_OK;
+    const bool same = &v == &other;
+    return check_memory({{"image", v.image}},
+                        {{"image", same ? nullptr : other.image},
+                         {"aovs", other.aovs},
+                         {"depth", other.depth},
+                         {"motion", other.motion},
+                         {"weight", other.weight}},
+                        error, same ? "" : " of another view");
 }
 
 // Runs after the checks. Returns false where there is no memory.

@@ -67,6 +67,24 @@ ss_status check_given(const Given (&arguments)[N], ss_error* error) {
     return SS_OK;
 }
 
+// Checks that each array that is written is in memory of its own: neither that of another one, nor of one that is read,
+// `whose` are those. NULL is no array.
+template <size_t M, size_t N>
+ss_status check_memory(const Given (&written)[M], const Given (&read)[N], ss_error* error, const char* whose = "") {
+    auto refused = [&](const Given& to, const Given& use, const char* of) {
+        return fail(error, SS_BAD_ARGUMENT, "%s is in the memory of %s%s; want memory that nothing else uses", to.name,
+                    use.name, of);
+    };
+    for (size_t k = 0; k < M; k++) {
+        if (!written[k].pointer) continue;
+        for (size_t other = k + 1; other < M; other++)
+            if (written[k].pointer == written[other].pointer) return refused(written[k], written[other], "");
+        for (const Given& use : read)
+            if (written[k].pointer == use.pointer) return refused(written[k], use, whose);
+    }
+    return SS_OK;
+}
+
 inline ss_status succeed(ss_error* error) {
     if (error) error->message[0] = 0;
     return SS_OK;

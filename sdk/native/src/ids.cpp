@@ -106,20 +106,21 @@ static ss_status check(const ss_ids& v, ss_error* error) {
         return fail(error, SS_BAD_ARGUMENT, "an array is NULL; only previous and previous_distance may be");
     if (!v.previous != !v.previous_distance)
         return fail(error, SS_BAD_ARGUMENT, "only one of previous and previous_distance is set; want both or none");
-    if (v.image == v.ids || v.distance == v.depth || v.distance == v.motion)
-        return fail(error, SS_BAD_ARGUMENT,
-                    "image or distance is in the memory of ids, depth or motion; want other memory");
     return check_jitter(v.jitter, error);
 }
 
-// Checks that a view writes to no array that another one reads or writes, nor to its own of the previous frame.
+// Checks that a view writes to no array that it reads or that another one, if it is another, uses.
 static ss_status check_apart(const ss_ids& v, const ss_ids& other, ss_error* error) {
     if (v.image == other.previous || v.distance == other.previous_distance)
         return fail(error, SS_BAD_ARGUMENT, "image or distance is that of the previous frame; want other memory");
-    if (&v != &other && (v.image == other.image || v.image == other.ids || v.distance == other.distance ||
-                         v.distance == other.depth || v.distance == other.motion))
-        return fail(error, SS_BAD_ARGUMENT, "image or distance is in the memory of another view; want other memory");
-    return SS_OK;
+    const bool same = &v == &other;
+    return check_memory({{"image", v.image}, {"distance", v.distance}},
+                        {{"image", same ? nullptr : other.image},
+                         {"distance", same ? nullptr : other.distance},
+                         {"ids", other.ids},
+                         {"depth", other.depth},
+                         {"motion", other.motion}},
+                        error, same ? "" : " of another view");
 }
 
 }  // namespace ss

@@ -12,8 +12,7 @@ ss_status ss_camera_motion(const ss_image* depth, int width, int height, const d
             {{"depth", depth}, {"to_previous", to_previous}, {"jitter", jitter}, {"motion", motion}}, error))
         return status;
     if (!motion->data) return fail(error, SS_BAD_ARGUMENT, "motion has no data; want an image to write to");
-    if (motion->data == depth->data)
-        return fail(error, SS_BAD_ARGUMENT, "motion is in the memory of depth; want other memory");
+    if (ss_status status = check_memory({{"motion", motion->data}}, {{"depth", depth->data}}, error)) return status;
     if (ss_status status = check_size(width, height, "the frame", error)) return status;
     if (ss_status status = check_input("depth", *depth, {width, height}, 1, true, error)) return status;
     for (int k = 0; k < 16; k++)
@@ -69,8 +68,7 @@ ss_status ss_encode_rgba(const ss_image* image, int width, int height, void* pix
     if (ss_status status = check_given({{"image", image}, {"pixels", pixels}}, error)) return status;
     if (ss_status status = check_size(width, height, "the image", error)) return status;
     if (ss_status status = check_input("image", *image, {width, height}, 3, true, error)) return status;
-    if (pixels == image->data)
-        return fail(error, SS_BAD_ARGUMENT, "pixels are in the memory of image; want other memory");
+    if (ss_status status = check_memory({{"pixels", pixels}}, {{"image", image->data}}, error)) return status;
     const ss_image bytes = {pixels, SS_UNORM8, row_stride, 0, 0};
     if (ss_status status = check_output("pixels", bytes, {width, height}, 4, error)) return status;
     const Kernels& kernels = *find_kernels(nullptr);
@@ -144,8 +142,7 @@ ss_status ss_filter_temporal(const ss_temporal* t, ss_error* error) {
 ss_status ss_nearest_motion(const float* depth, const float* motion, int width, int height, float* to,
                             ss_error* error) {
     if (ss_status status = check_given({{"depth", depth}, {"motion", motion}, {"to", to}}, error)) return status;
-    if (to == depth || to == motion)
-        return fail(error, SS_BAD_ARGUMENT, "to is in the memory of depth or motion; want other memory");
+    if (ss_status status = check_memory({{"to", to}}, {{"depth", depth}, {"motion", motion}}, error)) return status;
     if (ss_status status = check_size(width, height, "the image", error)) return status;
     const IeeeArithmetic arithmetic;
     find_kernels(nullptr)->nearest_motion_rows(depth, motion, to, {width, height}, 0, height);
@@ -169,13 +166,10 @@ ss_status ss_scatter_motion(const ss_scatter* s, float* motion, float* mismatch,
     if (ss_status status =
             check_given({{"depth", s->depth}, {"next_depth", s->next_depth}, {"next_motion", s->next_motion}}, error))
         return status;
-    const float* const arrays[] = {s->depth, s->next_depth, s->next_motion};
-    for (const float* array : arrays)
-        if (array == motion || array == mismatch)
-            return fail(error, SS_BAD_ARGUMENT, "motion or mismatch is in the memory of %s; want other memory",
-                        array == arrays[0]   ? "depth"
-                        : array == arrays[1] ? "next_depth"
-                                             : "next_motion");
+    if (ss_status status =
+            check_memory({{"motion", motion}, {"mismatch", mismatch}},
+                         {{"depth", s->depth}, {"next_depth", s->next_depth}, {"next_motion", s->next_motion}}, error))
+        return status;
     if (ss_status status = check_size(s->width, s->height, "the frame", error)) return status;
     if (ss_status status = check_size(s->next_width, s->next_height, "the next frame", error)) return status;
     if (ss_status status = check_jitter(s->jitter, error)) return status;

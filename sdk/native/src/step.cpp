@@ -396,28 +396,22 @@ ss_status check_step(const Model& model, const StepCall& call, ss_error* error) 
 ss_status check_apart(const StepCall& call, const StepCall& other, ss_error* error) {
     const ss_outputs &own = call.outputs, &outputs = other.outputs;
     const ss_frame& f = other.frame;
-    const struct {
-        const char* name;
-        const ss_image& image;
-    } written[] = {{"image", own.image}, {"weight", own.weight}, {"converged", own.converged}},
-      used[] = {{"image", outputs.image},
-                {"weight", outputs.weight},
-                {"converged", outputs.converged},
-                {"color", f.color},
-                {"depth", f.depth},
-                {"motion", f.motion},
-                {"reactive", f.reactive},
-                {"base_color", f.base_color},
-                {"normal", f.normal},
-                {"display_base_color", f.display_base_color},
-                {"display_normal", f.display_normal},
-                {"display_depth", f.display_depth}};
-    for (const auto& to : written)
-        for (const auto& use : used)
-            if (to.image.data && to.image.data == use.image.data && &to.image != &use.image)
-                return fail(error, SS_BAD_ARGUMENT, "%s is in the memory of %s%s; want memory that nothing else uses",
-                            to.name, use.name, &call == &other ? "" : " of another view");
-    return SS_OK;
+    const Given written[] = {{"image", own.image.data}, {"weight", own.weight.data}, {"converged", own.converged.data}};
+    const Given read[] = {{"color", f.color.data},
+                          {"depth", f.depth.data},
+                          {"motion", f.motion.data},
+                          {"reactive", f.reactive.data},
+                          {"base_color", f.base_color.data},
+                          {"normal", f.normal.data},
+                          {"display_base_color", f.display_base_color.data},
+                          {"display_normal", f.display_normal.data},
+                          {"display_depth", f.display_depth.data}};
+    if (&call == &other) return check_memory(written, read, error);
+    const char* const whose = " of another view";
+    const Given theirs[] = {
+        {"image", outputs.image.data}, {"weight", outputs.weight.data}, {"converged", outputs.converged.data}};
+    if (ss_status status = check_memory(written, theirs, error, whose)) return status;
+    return check_memory(written, read, error, whose);
 }
 
 ss_status run_step(Model& model, const StepCall& call, Canceller& canceller, bool alone) {

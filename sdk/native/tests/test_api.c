@@ -804,10 +804,10 @@ static void outputs_in_the_memory_of_inputs_are_refused(void) {
     CHECK((call) == SS_BAD_ARGUMENT && strstr(error.message, text), "%s: %s", #call, error.message)
     for (int k = 0; k < 4; k++) {
         const ss_frame frame = frame_of(&p, 0);
-        static const char* const said[] = {"color is written to the memory of the color of the shaded frame",
-                                           "motion is written to the memory of the motion of the previous frame",
-                                           "color and motion are written to the same memory",
-                                           "motion is written to the memory of the motion;"};
+        static const char* const said[] = {"color is in the memory of color of the shaded frame",
+                                           "motion to write to is in the memory of motion of the previous frame",
+                                           "color is in the memory of motion to write to",
+                                           "motion to write to is in the memory of motion;"};
         ss_shaded shaded;
         ss_extrapolated outputs;
         memset(&shaded, 0, sizeof shaded);
@@ -823,20 +823,20 @@ static void outputs_in_the_memory_of_inputs_are_refused(void) {
     const ss_image depth = {p.depth, SS_FLOAT32, 0, 0, 0}, image = {p.color, SS_FLOAT32, 0, 0, 0};
     REFUSED("motion is in the memory of depth",
             ss_camera_motion(&depth, W, H, matrix, 0.0, *p.motion[0], &depth, &error));
-    REFUSED("pixels are in the memory of image", ss_encode_rgba(&image, W, H, p.color, 0, &error));
+    REFUSED("pixels is in the memory of image", ss_encode_rgba(&image, W, H, p.color, 0, &error));
     REFUSED("pixels overlaps itself", ss_encode_rgba(&image, W, H, pixels, W, &error)); /* a stride in pixels */
     CHECK(ss_encode_rgba(&image, W, H, pixels + 4 * W * (H - 1), -4 * W, &error) == SS_OK, "%s", error.message);
-    REFUSED("to is in the memory of depth or motion",
+    REFUSED("to is in the memory of motion",
             ss_nearest_motion(p.depth[0], p.motion[0][0], W, H, p.motion[0][0], &error));
     const ss_scatter scatter = {W, H, W, H, p.depth[0], p.depth[0], p.motion[0][0], {0.0f, 0.0f}, {0.0f, 0.0f}};
-    REFUSED("in the memory of next_motion", ss_scatter_motion(&scatter, p.motion[0][0], images[0], &error));
+    REFUSED("motion is in the memory of next_motion", ss_scatter_motion(&scatter, p.motion[0][0], images[0], &error));
     const ss_temporal_frame frame = {images[0], NULL, images[1], NULL, NULL, NULL};
     const ss_temporal filter = {4, 4, &frame, 0, 0, 0, 1.0f, 4.0f, 0, 4, images[0], NULL};
     REFUSED("image is in the memory of frame 0 of the window", ss_filter_temporal(&filter, &error));
     const ss_aovs aovs = {4, 4, 8, 8, 1, images[0], images[0], images[0], {0.0f, 0.0f}, NULL, NULL, images[1]};
     ss_aovs views[] = {aovs, aovs};
     views[1].aovs = images[1], views[1].image = images[1] + 64;
-    REFUSED("view 0: image is in the memory of another view", ss_blend_aovs(model, views, 2, &error));
+    REFUSED("view 0: image is in the memory of aovs of another view", ss_blend_aovs(model, views, 2, &error));
 #undef REFUSED
     ss_model_destroy(model);
 }
@@ -1206,10 +1206,10 @@ static void ids_follow_surfaces_and_are_never_blended(void) {
           error.message);
     CHECK(ss_resample_ids(model, NULL, 1, &error) == SS_BAD_ARGUMENT, "NULL is a view");
     for (int k = 0; k < 4; k++) {
-        static const char* const said[] = {"view 0: image or distance is in the memory of another view",
+        static const char* const said[] = {"view 0: image is in the memory of image of another view",
                                            "view 0: image or distance is that of the previous frame",
                                            "view 1: image or distance is that of the previous frame",
-                                           "view 1: image or distance is in the memory of ids, depth or motion"};
+                                           "view 1: image is in the memory of ids of another view"};
         const ss_ids one = {SIDE,         SIDE, BIG,  BIG,  2,   &ids[0][0][0], &depth[0][0], &motion[0][0][0],
                             {0.0f, 0.0f}, NULL, NULL, NULL, NULL};
         ss_ids views[] = {one, one};
@@ -1263,8 +1263,8 @@ static void aovs_are_blended_by_the_weight(void) {
     CHECK(ss_blend_aovs(model, &v, 1, &error) == SS_BAD_ARGUMENT && strstr(error.message, "previous"), "%s",
           error.message);
     v.image = &weight[0][0];
-    CHECK(ss_blend_aovs(model, &v, 1, &error) == SS_BAD_ARGUMENT && strstr(error.message, "another array"), "%s",
-          error.message);
+    CHECK(ss_blend_aovs(model, &v, 1, &error) == SS_BAD_ARGUMENT && strstr(error.message, "image is in the memory of"),
+          "%s", error.message);
     v.image = &alone[0][0][0];
     CHECK(ss_blend_aovs(single, &v, 1, &error) == SS_OK, "%s", error.message);
     v.image = &image[1][0][0][0];

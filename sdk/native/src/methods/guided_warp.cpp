@@ -98,25 +98,17 @@ static ss_status check(const Model& model, const ss_frame& f, const ss_shaded& s
 
 // Checks that what is written is in memory of its own.
 static ss_status check_apart(const ss_frame& f, const ss_shaded& s, const ss_extrapolated& out, ss_error* error) {
-    const struct {
-        const char* name;
-        const void* data;
-    } read[] = {{"depth", f.depth.data},
-                {"motion", f.motion.data},
-                {"base_color", f.base_color.data},
-                {"normal", f.normal.data},
-                {"color of the shaded frame", s.color.data},
-                {"depth of the shaded frame", s.depth.data},
-                {"base_color of the shaded frame", s.base_color.data},
-                {"normal of the shaded frame", s.normal.data},
-                {"motion of the previous frame", s.motion.data}};
-    if (out.color.data == out.motion.data)
-        return fail(error, SS_BAD_ARGUMENT, "color and motion are written to the same memory; want memory for each");
-    for (const auto& image : read)
-        if (image.data && (image.data == out.color.data || image.data == out.motion.data))
-            return fail(error, SS_BAD_ARGUMENT, "%s is written to the memory of the %s; want other memory",
-                        image.data == out.color.data ? "color" : "motion", image.name);
-    return SS_OK;
+    return check_memory({{"color", out.color.data}, {"motion to write to", out.motion.data}},
+                        {{"depth", f.depth.data},
+                         {"motion", f.motion.data},
+                         {"base_color", f.base_color.data},
+                         {"normal", f.normal.data},
+                         {"color of the shaded frame", s.color.data},
+                         {"depth of the shaded frame", s.depth.data},
+                         {"base_color of the shaded frame", s.base_color.data},
+                         {"normal of the shaded frame", s.normal.data},
+                         {"motion of the previous frame", s.motion.data}},
+                        error);
 }
 
 ss_status run_extrapolation(Model& model, const ss_frame& f, const ss_shaded& s, const ss_extrapolated& out,
