@@ -34,7 +34,7 @@ PRODUCTS = {
 }  # fmt: skip
 """Multiply-adds a display pixel."""
 READS = {
-    "bilinear": 0, "bicubic": 0, "taa": 5, "taau": 9, "classifier": 12, "classifier-small": 11,
+    "bilinear": 0, "bicubic": 0, "taa": 5, "taau": 10, "classifier": 12, "classifier-small": 11,
     "gbuffer-small": 17, "gbuffer-small-4x": 17, "extrapolate": 12, "guided-warp": 1,
     "guided-flow": 11, "gbuffer-fast": 13, "classifier-large": 12,
 }  # fmt: skip

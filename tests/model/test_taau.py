@@ -13,6 +13,7 @@ from rest_scenes import Light, RestScene, flat, stripes, wave
 from supersampler import Upscaler, halton_jitter
 from supersampler.frame import Float32
 from supersampler.io.display import display_transform
+from supersampler.methods.constants import GLARE
 from supersampler.methods.taau.spec import MOST_SAMPLES, TaauConfig
 from supersampler_model import ops
 from supersampler_model.data.scenes.analytic import (
@@ -78,13 +79,14 @@ def test_a_flash_keeps_the_history_where_light_has_not_changed() -> None:
     assert not RULES.network(present(), remembered(unchanged=0.0), plane(1.0)).unconfirmed
 
 
-def changed(difference: Tensor, usable: float = 1.0, shift: float = 0.0) -> Tensor:
+def changed(difference: Tensor, usable: float = 1.0, shift: float = 0.0, spread: float = 0.0) -> Tensor:
     """Change of light by cell, (5, 6), of samples less a history of 0.4; `shift` is their motion."""
     history = torch.full((1, 3, 18, 24), 0.4 / 0.6)
     motion = torch.zeros(1, 2, 9, 12) + shift
     view = ops.View(ops.Size(24, 18), RENDER, torch.zeros(1, 2))
     luma = 0.4 + difference.expand(9, 12)[None, None]
-    found = RULES.change_of_light(luma, torch.full_like(luma, usable), motion, history, view)
+    power = torch.full((1, 1, 18, 24), spread**2)
+    found = RULES.change_of_light(luma, torch.full_like(luma, usable), motion, history, power, view)
     return found[0, 0]
 
 
@@ -103,6 +105,13 @@ def test_the_edge_of_a_shadow_is_a_change_of_light_and_aliasing_is_none() -> Non
     assert changed(firefly).max() < 0.1
 
 
+def test_samples_that_all_differ_as_much_as_in_earlier_frames_are_no_change_of_light() -> None:
+    assert changed(torch.tensor(0.1)).min() == 1.0
+    assert changed(torch.tensor(0.1), spread=0.15).max() == 0.0
+    assert changed(torch.tensor(0.3), spread=0.15).min() == 1.0
+    assert changed(torch.tensor(0.1), spread=GLARE**0.5).min() == 1.0  # frames with glare, no spread
+
+
 def test_missing_samples_and_those_from_off_screen_do_not_count() -> None:
     assert changed(torch.tensor(0.2), usable=0.0).max() == 0.0
     assert changed(torch.tensor(0.2), shift=6.0)[:, 4:].max() == 0.0
@@ -117,7 +126,9 @@ def test_samples_are_compared_with_the_nearest_pixel_where_they_were() -> None:
     view = ops.View(ops.Size(24, 18), RENDER, torch.tensor([[0.25, -0.25]]))  # a pixel's centre: 2 x + 1, 2 y
     exposed = 0.2 + 0.01 * (2.0 * X + 1.0 + 2.0) + 0.005 * (2.0 * Y - 2.0)
     luma = ops.ycocg(ops.tone(exposed.expand(1, 3, 9, 12)))[:, :1]
-    found = RULES.change_of_light(luma, torch.ones_like(luma), motion, history, view)
+    found = RULES.change_of_light(
+        luma, torch.ones_like(luma), motion, history, torch.zeros(1, 1, 18, 24), view
+    )
     assert found.max() == 0.0
 
 

@@ -119,7 +119,8 @@ class Taau(Method):
         current = self.gather_current(toned, usable, [glare, peak], shade, grid, view)
         closest, dilated = ops.dilate_motion_2x2(depth, motion)
         exposed_history = history_color * exposure
-        changed = self.change_of_light(toned[:, :1], usable, dilated, exposed_history, view)
+        power_before = samples_before[:, 1:]
+        changed = self.change_of_light(toned[:, :1], usable, dilated, exposed_history, power_before, view)
         closest = grid.pick_first(closest)
         vectors = grid.pick_first_vectors(ops.to_display(dilated, display, render))
         reprojection = ops.reproject(vectors, display, grid)
@@ -195,24 +196,34 @@ class Taau(Method):
         )
 
     def change_of_light(
-        self, luma: Tensor, usable: Tensor, motion: Tensor, history: Tensor, view: ops.View
+        self,
+        luma: Tensor,
+        usable: Tensor,
+        motion: Tensor,
+        history: Tensor,
+        power: Tensor,
+        view: ops.View,
     ) -> Tensor:
         """Return whether light changed around each cell of 2x2 samples, [0, 1].
 
         Two samples of each cell, on its diagonal, are compared with the nearest pixels of the history where
         they were in the previous frame. Aliasing makes samples lighter or darker, light changes them alike:
-        it changed where the mean difference over 3x3 cells is large for its deviation.
+        it changed where the mean difference over 3x3 cells is large for its deviation. Samples of a regular
+        pattern, as of a fence, may all miss its wires in one frame and differ alike, too; but there samples
+        also differed from the history in the frames before.
 
         Args:
             luma: (1, 1, h, w) toned, of the samples.
             usable: (1, 1, h, w) 1 where a sample counts, else 0.
             motion: (1, 2, h, w) render pixels, dilated.
             history: (1, 3, H, W) exposed colours of the previous frame.
+            power: (1, 1, H, W) mean square of sample - history until then, and the glare.
             view: of this frame.
 
         Returns:
             (1, 1, h / 2, w / 2), sizes rounded up.
         """
+        c = self.config
         size, display = ops.size_of(luma), view.display
         columns = at_rest.sample_positions(size.width, display.width, view.jitter[0, :1])
         rows = at_rest.sample_positions(size.height, display.height, view.jitter[0, 1:])
@@ -226,13 +237,15 @@ class Taau(Method):
         x, y, luma, counts = ops.channels_of(samples)
         nearest = (ops.positions_of(x, y) + taau.ROUNDING).floor()
         before = ops.ycocg(ops.tone(ops.read(history, nearest, mode="nearest")))[:, :1]
+        usual, _ = ops.without_glare(ops.read(power, nearest, mode="nearest"))
         difference = (luma - before) * counts
-        sums = torch.cat([difference, difference * difference, counts], dim=1)
+        squares = difference * difference + c.change_spread * usual * counts
+        sums = torch.cat([difference, squares, counts], dim=1)
         upper, lower = sums.split_with_sizes([cells.height, cells.height], dim=2)
         difference, square, share = ops.channels_of(0.5 * ops.blurred(upper + lower))
         mean = difference / share.clamp(min=1e-6)
         variance = (square / share.clamp(min=1e-6) - mean * mean).clamp(min=0.0)
-        noise = self.config.change_deviation * variance.sqrt() + self.config.least_change
+        noise = c.change_deviation * variance.sqrt() + c.least_change
         return (mean.abs() / noise - 1.0).clamp(0.0, 1.0) * (share > taau.MIN_WINDOW_WEIGHT)
 
     def gather_surface(

@@ -114,8 +114,9 @@ struct Config {
     float settled = 0.9f;
     float depth_margin = 0.005f;
     float depth_ramp = 0.05f;
-    float change_deviation = 0.35f;
-    float least_change = 0.008f;
+    float change_deviation = 0.28f;
+    float least_change = 0.004f;
+    float change_spread = 6.0f;
     float lag = 0.015f;
     float lag_deviations = 3.0f;
     float lag_samples = 0.014f;
@@ -139,6 +140,7 @@ constexpr Constant CONSTANTS[] = {
     {"depth_ramp", 0.0f, 1000000.0f},
     {"change_deviation", 0.0f, 1000000.0f},
     {"least_change", 0.0f, 1000000.0f},
+    {"change_spread", 0.0f, 1000000.0f},
     {"lag", 0.0f, 1000000.0f},
     {"lag_deviations", 0.0f, 1000000.0f},
     {"lag_samples", 0.0f, 1000000.0f},

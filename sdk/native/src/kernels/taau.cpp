@@ -110,8 +110,8 @@ class Changes {
     }
 
    private:
-    // Rows of cells: of the two compared samples, the sum of differences from the history, of their squares, and their
-    // number; the change; the change interpolated between rows.
+    // Rows of cells: of the two compared samples, the sum of differences from the history, of their squares with the usual
+    // ones, and their number; the change; the change interpolated between rows.
     enum Plane { DIFFERENCE, SQUARE, COUNT, CHANGE, LINE };
     float* row(int plane, int y) const { return rows_ + (3 * plane + y % 3) * w_.cells_pitch; }
 
@@ -146,8 +146,11 @@ class Changes {
         const F py = (dilated[2] + (static_cast<float>(y) + 0.5f + w_.jitter[1])) * (0.5f / step(1)) - 0.5f;
         const I across = clamped(to_int(floor(px + ROUNDING)), 0, display.width - 1);
         const I down = clamped(to_int(floor(py + ROUNDING)), 0, display.height - 1);
-        store(places, down * display.width + across);
+        const I place = down * display.width + across;
+        store(places, place);
         gather4(w_.history, places, 5, before);
+        F power = gather(w_.history + 4, place * 5);
+        if (w_.glares) without_glare(power);
         auto own = [&](int plane) __attribute__((always_inline)) {
             const float* at = sample_row(s, y, plane) + x;
             return k ? odds(load(at), load(at + W)) : evens(load(at), load(at + W));
@@ -156,7 +159,7 @@ class Changes {
         const F luma = ycocg(tone(F3{before[0], before[1], before[2]} * s.exposure)).r;
         const F difference = (own(LUMA) - luma) * counts;
         sums[DIFFERENCE] += difference;
-        sums[SQUARE] += difference * difference;
+        sums[SQUARE] += difference * difference + w_.config.change_spread * power * counts;
         sums[COUNT] += counts;
     }
 

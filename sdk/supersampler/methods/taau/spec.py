@@ -68,12 +68,14 @@ class TaauConfig:
     """Relative depth by which the history must be closer before disocclusion begins."""
     depth_ramp: Number = 0.05
     """Further relative depth at which disocclusion is complete."""
-    change_deviation: Number = 0.35
+    change_deviation: Number = 0.28
     """The light has changed if the mean difference of samples and history, in toned luma, is more than this
     many standard deviations ..."""
-    least_change: Number = 0.008
+    least_change: Number = 0.004
     """... plus this; the change is complete at twice that. If an eighth of a window changes, as at the edge
     of a shadow, the mean is 0.38 deviations; in steady light, 18 independent samples have one of 0.24."""
+    change_spread: Number = 6.0
+    """Weight of the mean square of these differences in earlier frames, which is added to their variance."""
     lag: Number = 0.015
     """Tolerated mean difference of a window's samples from the history, relative to the history ..."""
     lag_deviations: Number = 3.0

@@ -6,14 +6,14 @@
 // import state
 //
 // Files that import this define PIXELS_ACROSS, PIXELS_DOWN and TILE_THREADS, see sample_tile.wgsl, and declare
-// `samples`, `dilated`, `history_pixels` and `next_state`. A cell is of 2x2 samples; a pixel reads 2x2 cells.
+// `samples`, `dilated`, `history_pixels`, `next_state` and `power_at`. A cell is of 2x2 samples; a pixel reads 2x2 cells.
 
 const CHANGES_ACROSS = PIXELS_ACROSS / 2 + 2;
 const CHANGES_DOWN = PIXELS_DOWN / 2 + 2;
 const SUMS_ACROSS = CHANGES_ACROSS + 2;   // with one cell around
 const SUMS_DOWN = CHANGES_DOWN + 2;
 
-var<workgroup> sums: array<vec3f, SUMS_ACROSS * SUMS_DOWN>;   // of samples - history, its square; number of samples
+var<workgroup> sums: array<vec3f, SUMS_ACROSS * SUMS_DOWN>;   // of samples - history, its square with the usual one; number
 var<workgroup> changes: array<f32, CHANGES_ACROSS * CHANGES_DOWN>;
 var<private> first_cell: vec2i;                               // of `changes`
 
@@ -40,9 +40,11 @@ fn compared(p: vec2i) -> vec3f {
     let at = moved * display_extent() / params.render - 0.5;
     let sample = toned_sample(samples, p);
     if (sample.a == 0.0 || any(at <= vec2f(-0.5)) || any(at >= display_extent() - 0.5)) { return vec3f(0.0); }
-    let history = pixel_at(history_pixels, clamped(vec2i(floor(at + ROUNDING)), display_size())).rgb;
+    let nearest = clamped(vec2i(floor(at + ROUNDING)), display_size());
+    let history = pixel_at(history_pixels, nearest).rgb;
     let difference = ycocg(sample.rgb).x - ycocg(tone(history * exposure_of(next_state))).x;
-    return vec3f(difference, difference * difference, 1.0);
+    let square = difference * difference + CHANGE_SPREAD * without_glare(power_at(nearest));
+    return vec3f(difference, square, 1.0);
 }
 
 // Every thread calls this between barriers.
