@@ -381,7 +381,8 @@ SS_API ss_status ss_history_read(const ss_history* history, int index, float* va
 SS_API ss_status ss_history_write(ss_history* history, int index, const float* values, ss_error* error);
 
 /* Writes the bytes of a history that has converged, and of the work buffers of a step, which the steps of a model share
- * unless they overlap in time. To measure them, it allocates and frees both. */
+ * unless they overlap in time. To measure them, it allocates and frees both. A ratio outside of the method's is
+ * SS_BAD_FRAME. */
 SS_API ss_status ss_required_bytes(ss_model* model, int display_width, int display_height, int width, int height,
                                    size_t* history, size_t* working, ss_error* error);
 

@@ -190,8 +190,11 @@ ss_status ss_required_bytes(ss_model* handle, int display_width, int display_hei
     if (ss_status status = ss_history_create(handle, display_width, display_height, width, height, &made, error))
         return status;
     Model& model = *model_of(handle);
-    *history = history_of(made)->most_bytes();
+    const size_t bytes = history_of(made)->most_bytes();
     ss_history_destroy(made);
+    if (ss_status status = check_ratio(*model.method, {width, height}, {display_width, display_height}, error))
+        return status;
+    *history = bytes;
     StepBuffers* buffers = model.borrow({width, height}, {display_width, display_height});
     if (!buffers) return fail(error, SS_NO_MEMORY, "no memory for the work buffers of a step");
     *working = buffers->arena.bytes();

@@ -777,6 +777,7 @@ static void null_arguments_are_named(void) {
     NAMED("model", ss_required_bytes(NULL, DW, DH, W, H, &bytes, &bytes, &error));
     NAMED("working", ss_required_bytes(model, DW, DH, W, H, &bytes, NULL, &error));
 #undef NAMED
+    CHECK(ss_required_bytes(model, 9 * W, DH, W, H, &bytes, &bytes, &error) == SS_BAD_FRAME, "a ratio of 9");
     CHECK(ss_step(upscaler, NULL, NULL, NULL) == SS_BAD_ARGUMENT, "without an error");
     CHECK(!ss_model_method(NULL) && !ss_model_instructions(NULL), "names of no model");
     ss_stats stats = {7, 1.0f, 7};
