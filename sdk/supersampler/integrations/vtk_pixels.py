@@ -128,7 +128,7 @@ def upsampled_depth(buffer: Float32, size: Size, jitter: tuple[float, float]) ->
         (height, width) depth buffer.
     """
     low = high = mean = buffer
-    nearest = []
+    nearest = _farthest_around(buffer)
     for axis in (0, 1):
         length = buffer.shape[axis]
         place = np.clip(_places(axis, buffer.shape, size, jitter), 0.0, length - 1.0)
@@ -139,21 +139,21 @@ def upsampled_depth(buffer: Float32, size: Size, jitter: tuple[float, float]) ->
         high = np.maximum(high.take(before, axis), high.take(after, axis))
         first = mean.take(before, axis)
         mean = first + weight * (mean.take(after, axis) - first)
-        nearest.append(np.rint(place).astype(np.intp))
+        nearest = nearest.take(np.rint(place).astype(np.intp), axis)
     step = high - low
     mean += np.float32(0.5) * step + np.float32(_OFFSET)
-    rows, columns = np.nonzero((step > _MAX_STEP) | (high == 1.0))
-    mean[rows, columns] = _farthest_around(buffer, nearest[0][rows], nearest[1][columns])
+    np.copyto(mean, nearest, where=(step > _MAX_STEP) | (high == 1.0))
     return mean
 
 
-def _farthest_around(buffer: Float32, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Float32:
-    """Return the farthest depth in the 3x3 samples around some, on the surface of each of these."""
-    center = buffer[rows, columns]
-    farthest = center.copy()
-    for y in (-1, 0, 1):
-        for x in (-1, 0, 1):
-            depth = buffer[np.clip(rows + y, 0, len(buffer) - 1), np.clip(columns + x, 0, len(buffer[0]) - 1)]
-            is_same = (depth - center <= _MAX_STEP) & (depth < 1.0)
-            np.maximum(farthest, depth, out=farthest, where=is_same)
+def _farthest_around(buffer: Float32) -> Float32:
+    """Return the farthest depth in the 3x3 samples around each sample, on its surface, (h, w)."""
+    height, width = buffer.shape
+    limit = np.minimum(buffer + np.float32(_MAX_STEP), np.nextafter(np.float32(1.0), np.float32(0.0)))
+    around = np.pad(buffer, 1, mode="edge")
+    farthest = buffer.copy()
+    for y in range(3):
+        for x in range(3):
+            depth = around[y : y + height, x : x + width]
+            np.maximum(farthest, np.where(depth <= limit, depth, np.float32(0.0)), out=farthest)
     return farthest
