@@ -109,12 +109,11 @@ def test_jumps_of_exposure_are_followed_as_on_the_cpu(method: str) -> None:
     assert_alike(method, [*frames, *sudden, *bars])
 
 
-@pytest.mark.parametrize("method", ["taa", "taau"])
-def test_colours_of_one_chroma_keep_the_history_as_on_the_cpu(method: str) -> None:
+def test_colours_of_one_chroma_keep_the_history_as_on_the_cpu() -> None:
     """Their boxes are flat in YCoCg, because green is the mean of red and blue."""
     tint = np.float32([1.0, 0.75, 0.5])
-    ours, theirs = make(method), make(method, "cpu")
+    ours, theirs = make("taau"), make("taau", "cpu")
     for index in range(8):
         frame = moving(index)
         frame = replace(frame, color=np.asarray(frame.color)[..., :1] * tint)
-        assert distance(ours.step(frame), theirs.step(frame)) <= 1e-3, f"frame {index}"
+        assert distance(ours.step(frame), theirs.step(frame)) <= 5e-4, f"frame {index}"

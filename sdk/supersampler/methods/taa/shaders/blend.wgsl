@@ -14,6 +14,7 @@
 
 const SIDE = 16;          // display pixels of a workgroup in either direction
 const WIDE = SIDE + 3;    // samples that they read: a sample is at least as large as a pixel
+const SLACK = 1e-5;   // more than rounding: in a box of one colour, enter and leave differ by rounding only
 
 @group(0) @binding(1) var<storage, read> history_state: State;
 @group(0) @binding(2) var<storage, read> next_state: State;
@@ -78,8 +79,7 @@ fn frame_at(at: vec2f, first: vec2i) -> vec3f {
 
 // The point where the segment from the history to the new sample enters the box. If the segment misses the box (the
 // sample may be outside of a variance box), the history is clipped towards the box's centre.
-fn clip_to_sample(color: vec3f, sample: vec3f, exact: Box) -> vec3f {
-    let box = Box(exact.low - rounding_of(color), exact.high + rounding_of(color));
+fn clip_to_sample(color: vec3f, sample: vec3f, box: Box) -> vec3f {
     let difference = sample - color;
     let step = select(difference, vec3f(1e-6), abs(difference) < vec3f(1e-6));
     let near = (box.low - color) / step;
@@ -87,7 +87,7 @@ fn clip_to_sample(color: vec3f, sample: vec3f, exact: Box) -> vec3f {
     let enter = largest(min(near, far));
     let latest = max(near, far);
     let leave = min(min(latest.x, latest.y), latest.z);
-    if (enter <= leave && enter <= 1.0 && leave >= 0.0) { return color + clamp(enter, 0.0, 1.0) * step; }
+    if (enter <= leave + SLACK && enter <= 1.0 + SLACK && leave >= -SLACK) { return color + clamp(enter, 0.0, 1.0) * step; }
     return clip_to_center(color, box);
 }
 
