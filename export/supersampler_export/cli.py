@@ -96,6 +96,8 @@ def export(
             write_shader_folder(name, folder, images=images, aovs=aovs)
             Terminal().print(f"{name}: {folder / DESCRIPTION}", soft_wrap=True)
         return
+    if weights is not None and method == "all":
+        raise ArgumentError("--weights", got=weights, want="none with `all`: they are of one method")
     from supersampler_export.folder import write_model_folder
     from supersampler_model.methods import load_method
 

@@ -163,11 +163,20 @@ def test_a_learned_method_is_exported_from_its_weights(tmp_path: Path) -> None:
         np.testing.assert_allclose(result.class_map[..., :3].sum(axis=-1), 1.0, atol=1e-3)
 
 
-@pytest.mark.parametrize("arguments", [["classifier-paper"], ["taau", "--weights", "weights.safetensors"]])
-def test_weights_go_with_methods_that_are_learned(arguments: list[str], tmp_path: Path) -> None:
-    result = run("export", *arguments, "-o", tmp_path)
+@pytest.mark.parametrize(
+    ("name", "options", "want"),
+    [
+        ("classifier-paper", [], "a file, as none ship"),
+        ("taau", ["--weights", "weights.safetensors"], "none, as nothing in it is learned"),
+        ("all", ["--weights", "weights.safetensors"], "none with `all`"),
+    ],
+)
+def test_weights_go_with_a_method_that_is_learned(
+    name: str, options: list[str], want: str, tmp_path: Path
+) -> None:
+    result = run("export", name, *options, "-o", tmp_path)
     assert result.exit_code == 2
-    assert "--weights" in result.output
+    assert f"want {want}" in result.stderr
 
 
 class Wider(Bilinear):

@@ -107,3 +107,13 @@ def test_jumps_of_exposure_are_followed_as_on_the_cpu(method: str) -> None:
         for frame, x in zip(sudden[4:], (5, 5, 0, 9), strict=True)
     ]
     assert_alike(method, [*frames, *sudden, *bars])
+
+
+def test_colours_of_one_chroma_keep_the_history_as_on_the_cpu() -> None:
+    """Their boxes are flat in YCoCg, because green is the mean of red and blue."""
+    tint = np.float32([1.0, 0.75, 0.5])
+    ours, theirs = make("taau"), make("taau", "cpu")
+    for index in range(8):
+        frame = moving(index)
+        frame = replace(frame, color=np.asarray(frame.color)[..., :1] * tint)
+        assert distance(ours.step(frame), theirs.step(frame)) <= 5e-4, f"frame {index}"

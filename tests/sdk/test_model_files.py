@@ -177,7 +177,8 @@ def test_a_folder_of_extrapolated_frames_with_another_history_is_refused(tmp_pat
     [
         ("taau", {"sample_sigma": 0}, r"config\.sample_sigma is 0; want a number from 0\.001 to 1000"),
         ("taau", {"samples": "many"}, "config.samples"),
-        ("taau", {"settled": None}, "config.settled"),
+        ("taau", {"settled": None}, r"config\.settled is None; .* Export the model .*executor='onnx'"),
+        ("taau", {"frame_sigma": 0.3}, r"config\.frame_sigma is 0\.3; want none, as in this version"),
         ("taa", {"alpha": 1e30}, "config.alpha"),
         ("classifier-small", {"rectified": -5}, "config.rectified is -5; want true or false"),
         ("classifier-small", {"network": None}, "config.network.levels is None"),

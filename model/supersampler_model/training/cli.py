@@ -99,10 +99,11 @@ def train(  # noqa: PLR0913  # options of a command
         if done < total:
             text = f"{dataset.folder}: only {done} of {total} training frames are rendered, and are read."
             _CONSOLE.print(text, soft_wrap=True)
-    if not any(dataset.entries("train") for dataset in datasets):
+    unused = [one.folder for one in datasets if not (one.entries("train") or one.entries("validation"))]
+    if unused or not any(dataset.entries("train") for dataset in datasets):
         got = "not given, nor is --shot"
         if data:
-            got = f"{', '.join(map(str, data))}, without training sequences"
+            got = f"{', '.join(map(str, unused or data))}, without training sequences"
         raise ArgumentError("--data", got=got, want="a training set or a shot to learn from")
     if init == "shipped" and not _LEARNED[name].weights:
         raise ArgumentError("--init", got=repr(init), want=f"a file, as no weights ship for {name}")

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Sequence
+from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 from weakref import WeakValueDictionary
 
@@ -176,7 +177,14 @@ def _supported(info: ModelInfo) -> MethodSpec | None:
 
 
 def _check_constants(info: ModelInfo, spec: MethodSpec) -> None:
-    """Raise ModelError if a constant of model.json is out of the range that the kernels support."""
+    """Raise ModelError if kernels and shaders do not support the constants of model.json.
+
+    Another version of the method has other constants, and computes other images.
+    """
+    named = {constant.name for constant in fields(spec.config)}
+    for name in sorted(named ^ info.config.keys()):
+        want = "a constant" if name in named else "none"
+        raise info.config_error(name, info.config.get(name), f"{want}, as in this version of {spec.name!r}")
     for name, (low, high) in constants_of(spec).items():
         value: Any = info.config.get(name)
         if type(value) not in (int, float) or not low <= value <= high:

@@ -149,7 +149,10 @@ class ModelInfo(msgspec.Struct, frozen=True, kw_only=True):
 
     def config_error(self, name: str, value: Any, want: str) -> ModelError:
         """Return the error for a constant that kernels do not support."""
-        return ModelError(f"{self.folder / 'model.json'}: config.{name} is {value!r:.60}; want {want}.")
+        return ModelError(
+            f"{self.folder / 'model.json'}: config.{name} is {value!r:.60}; want {want}. "
+            "Export the model again, or run its graph in ONNX Runtime: Upscaler(..., executor='onnx')."
+        )
 
     @property
     def aovs_path(self) -> Path:

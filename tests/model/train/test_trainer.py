@@ -461,11 +461,15 @@ def test_sequences_of_ratios_that_the_method_lacks_are_counted(dataset: Dataset,
     assert said.count("are not read") == 1
 
 
-def test_a_set_without_training_sequences_is_named(tmp_path: Path) -> None:
-    dataset_of_shots([shot(tmp_path / "shot")], tmp_path / "set", "validation")
-    result = run("train", "classifier-small", "--data", tmp_path / "set", "-o", tmp_path / "run")
-    assert result.exit_code == 2
-    assert "set, without training sequences; want a training set or a shot" in result.output
+def test_a_set_without_training_sequences_is_named(dataset: Dataset, tmp_path: Path) -> None:
+    for split in ("validation", "test"):
+        dataset_of_shots([shot(tmp_path / split)], tmp_path / f"{split}-set", split)
+    for given in (["validation"], ["test"], ["test", dataset.folder]):
+        sets = [f"--data={tmp_path / f'{one}-set' if isinstance(one, str) else one}" for one in given]
+        result = run("train", "classifier-small", *sets, "-o", tmp_path / "run")
+        assert result.exit_code == 2
+        text = f"{given[0]}-set, without training sequences; want a training set or a shot"
+        assert text in result.output
 
 
 @pytest.mark.parametrize("text", ["step;loss\n1;0,5\n", "loss\n0.5\n", "step,loss\n1,low\n", "\0\xff"])
