@@ -29,6 +29,7 @@ export { UpscalerError };
 
 const MAX_GROUPS = 8; // bind groups that a pass keeps: frames and histories alternate
 const FRAME = [...INPUTS, "aovs"];
+const LOAD_OPTIONS = ["displaySize"];
 const OPTIONS = [
   "jitter",
   "renderSize",
@@ -57,11 +58,12 @@ export class Upscaler {
    * @throws {UpscalerError} a file is missing or of another format, the device lacks something, or a shader does
    *   not compile: then the message names the adapter.
    */
-  static async load(device, source, { displaySize } = {}) {
+  static async load(device, source, options) {
+    checkNames("options", options, LOAD_OPTIONS);
     const read = reader(source);
     const info = await readInfo(read);
     checkDevice(device, info);
-    const display = checkedDisplay(device, info, displaySize);
+    const display = checkedDisplay(device, info, options?.displaySize);
     const files = info.resources.filter((one) => one.file);
     const [passes, weights] = await Promise.all([
       Promise.all(info.passes.map((one) => compiled(device, one, read))),
@@ -119,11 +121,11 @@ export class Upscaler {
    * @param {GPUComputePassTimestampWrites} [options.timestamps] of the compute pass.
    * @throws {UpscalerError} an argument is not as described; the history is unchanged.
    */
-  encode(encoder, frame, output, options = {}) {
+  encode(encoder, frame, output, options) {
     checkNames("frame", frame, FRAME);
     checkNames("options", options, OPTIONS);
-    const { jitter, renderSize, exposure = null, preExposure = 1, addsSamples = 1 } = options;
-    const { reset = false, aovs = [], timestamps } = options;
+    const { jitter, renderSize, exposure = null, preExposure = 1, addsSamples = 1 } = options ?? {};
+    const { reset = false, aovs = [], timestamps } = options ?? {};
     this._checkUsable();
     if (!encoder?.beginComputePass) throw new UpscalerError("encoder", shown(encoder), "a GPUCommandEncoder");
     const offset = checkedJitter(jitter);
