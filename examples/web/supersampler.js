@@ -28,6 +28,7 @@ export { haltonJitter } from "./jitter.js";
 export { UpscalerError };
 
 const MAX_GROUPS = 8; // bind groups that a pass keeps: frames and histories alternate
+const STEPS = 1024; // whose params are in one buffer, until their encoders are submitted
 const FRAME = [...INPUTS, "aovs"];
 const LOAD_OPTIONS = ["displaySize"];
 const OPTIONS = [
@@ -90,6 +91,7 @@ export class Upscaler {
     this._ids = new WeakMap(); // of textures and buffers, in keys of bind groups
     this._views = new WeakMap();
     this._count = 0;
+    this._steps = 0;
     this._destroyed = false;
     if (!losses.has(device)) {
       losses.set(device, null);
@@ -332,11 +334,17 @@ export class Upscaler {
       skips: [this._aovs.length ? 0 : 2],
     };
     const { bytes, fields } = this.info.params;
-    const staging = this.device.createBuffer({ size: bytes, usage: BUFFER.COPY_SRC, mappedAtCreation: true });
-    const written = new Float32Array(staging.getMappedRange());
+    const written = new Float32Array(bytes / 4);
     for (const { name, offset } of fields) written.set(values[name], offset / 4);
-    staging.unmap();
-    encoder.copyBufferToBuffer(staging, 0, resource, 0, bytes);
+    const place = bytes * (this._steps++ % STEPS);
+    if (place === 0 || !this._memory.has("steps")) {
+      // The one before may be in an encoder that is not yet submitted: the garbage collector frees it.
+      const usage = BUFFER.COPY_SRC | BUFFER.COPY_DST;
+      this._memory.set("steps", { resource: this.device.createBuffer({ label: "steps", size: bytes * STEPS, usage }) });
+    }
+    const steps = this._memory.get("steps").resource;
+    this.device.queue.writeBuffer(steps, place, written);
+    encoder.copyBufferToBuffer(steps, place, resource, 0, bytes);
   }
 
   _bindGroup(pass, number, bound) {

@@ -69,6 +69,7 @@ export class SupersamplerNode extends Node {
     this._frame = 0;
     this._jitter = null; // of this frame; null before the upscaler is ready
     this._renderSize = [1, 1]; // that this frame is jittered for
+    this._mismatches = 0; // frames one after another whose textures differ in size
     this._projection = new Matrix4(); // without jitter
     this._clip = new Matrix4(); // world to clip coordinates, of this frame and the previous one
     this._previousClip = new Matrix4();
@@ -137,10 +138,9 @@ export class SupersamplerNode extends Node {
     const { width, height } = this._textureNode.value = this.beautyNode.value;
     if (!this._upscaler || !Math.min(...displaySize(renderer), width, height)) return;
     if (!this._jitter) this._followCamera([width, height], renderer); // the first frame of a render pipeline has no jitter
-    if (width !== this._renderSize[0] || height !== this._renderSize[1]) return;
     const jitter = this._jitter ?? [0, 0];
     try {
-      this._checkSizes(width, height);
+      if (!this._areOfOneSize(width, height)) return;
       this._resize(renderer);
       this._drawInputs(renderer, jitter);
       this._upscale(renderer, jitter);
@@ -239,10 +239,16 @@ export class SupersamplerNode extends Node {
     this._jitter = null;
   }
 
-  _checkSizes(width, height) {
-    for (const [name, { value }] of [["depth", this.depthNode], ["velocity", this.velocityNode]])
-      if (value.width !== width || value.height !== height)
-        throw new UpscalerError(name, `${value.width}x${value.height}`, `${width}x${height}, as beauty`, SCALES);
+  /** Whether the frame has one size, that of the jitter. Textures may follow a new size one frame late. */
+  _areOfOneSize(width, height) {
+    const isSame = (size) => size.width === width && size.height === height;
+    const name = ["depth", "velocity"].find((one) => !isSame(this[`${one}Node`].value));
+    this._mismatches = name ? this._mismatches + 1 : 0;
+    if (this._mismatches > 1) {
+      const { value } = this[`${name}Node`];
+      throw new UpscalerError(name, `${value.width}x${value.height}`, `${width}x${height}, as beauty`, SCALES);
+    }
+    return !name && isSame({ width: this._renderSize[0], height: this._renderSize[1] });
   }
 
   _resize(renderer) {
