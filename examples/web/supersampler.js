@@ -28,7 +28,9 @@ export { haltonJitter } from "./jitter.js";
 export { UpscalerError };
 
 const MAX_GROUPS = 8; // bind groups that a pass keeps: frames and histories alternate
+const STEPS = 1024; // whose params are in one buffer, until their encoders are submitted
 const FRAME = [...INPUTS, "aovs"];
+const LOAD_OPTIONS = ["displaySize"];
 const OPTIONS = [
   "jitter",
   "renderSize",
@@ -57,11 +59,12 @@ export class Upscaler {
    * @throws {UpscalerError} a file is missing or of another format, the device lacks something, or a shader does
    *   not compile: then the message names the adapter.
    */
-  static async load(device, source, { displaySize } = {}) {
+  static async load(device, source, options) {
+    checkNames("options", options, LOAD_OPTIONS);
     const read = reader(source);
     const info = await readInfo(read);
     checkDevice(device, info);
-    const display = checkedDisplay(device, info, displaySize);
+    const display = checkedDisplay(device, info, options?.displaySize);
     const files = info.resources.filter((one) => one.file);
     const [passes, weights] = await Promise.all([
       Promise.all(info.passes.map((one) => compiled(device, one, read))),
@@ -88,6 +91,7 @@ export class Upscaler {
     this._ids = new WeakMap(); // of textures and buffers, in keys of bind groups
     this._views = new WeakMap();
     this._count = 0;
+    this._steps = 0;
     this._destroyed = false;
     if (!losses.has(device)) {
       losses.set(device, null);
@@ -119,11 +123,11 @@ export class Upscaler {
    * @param {GPUComputePassTimestampWrites} [options.timestamps] of the compute pass.
    * @throws {UpscalerError} an argument is not as described; the history is unchanged.
    */
-  encode(encoder, frame, output, options = {}) {
+  encode(encoder, frame, output, options) {
     checkNames("frame", frame, FRAME);
     checkNames("options", options, OPTIONS);
-    const { jitter, renderSize, exposure = null, preExposure = 1, addsSamples = 1 } = options;
-    const { reset = false, aovs = [], timestamps } = options;
+    const { jitter, renderSize, exposure = null, preExposure = 1, addsSamples = 1 } = options ?? {};
+    const { reset = false, aovs = [], timestamps } = options ?? {};
     this._checkUsable();
     if (!encoder?.beginComputePass) throw new UpscalerError("encoder", shown(encoder), "a GPUCommandEncoder");
     const offset = checkedJitter(jitter);
@@ -330,11 +334,17 @@ export class Upscaler {
       skips: [this._aovs.length ? 0 : 2],
     };
     const { bytes, fields } = this.info.params;
-    const staging = this.device.createBuffer({ size: bytes, usage: BUFFER.COPY_SRC, mappedAtCreation: true });
-    const written = new Float32Array(staging.getMappedRange());
+    const written = new Float32Array(bytes / 4);
     for (const { name, offset } of fields) written.set(values[name], offset / 4);
-    staging.unmap();
-    encoder.copyBufferToBuffer(staging, 0, resource, 0, bytes);
+    const place = bytes * (this._steps++ % STEPS);
+    if (place === 0 || !this._memory.has("steps")) {
+      // The one before may be in an encoder that is not yet submitted: the garbage collector frees it.
+      const usage = BUFFER.COPY_SRC | BUFFER.COPY_DST;
+      this._memory.set("steps", { resource: this.device.createBuffer({ label: "steps", size: bytes * STEPS, usage }) });
+    }
+    const steps = this._memory.get("steps").resource;
+    this.device.queue.writeBuffer(steps, place, written);
+    encoder.copyBufferToBuffer(steps, place, resource, 0, bytes);
   }
 
   _bindGroup(pass, number, bound) {

@@ -128,6 +128,10 @@ export async function bodyOf(response, max) {
 
 /** Return a function that reads a file of the folder, of at most `max` bytes, as "text" or "bytes". */
 export function reader(source) {
+  if (typeof source !== "function" && typeof source !== "string" && typeof source?.href !== "string") {
+    const want = "the address of a folder, or a function that returns its files";
+    throw new UpscalerError("source", shown(source), want, "Of a module's files: (name) => files[name].");
+  }
   const folder = typeof source === "function" ? null : String(source).replace(/\/?$/, "/");
   const get = folder === null ? source : (name) => fetch(folder + name);
   return async (name, kind, max) => {

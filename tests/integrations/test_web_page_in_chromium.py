@@ -294,6 +294,10 @@ def three_image(page: "Page", call: str) -> Float32:
     return pixels(page.evaluate(f"threeDemo.{call}"), (320, 180))
 
 
+def is_upscaled(page: "Page") -> bool:
+    return bool(page.evaluate("threeDemo.upscaled.getTextureNode().value.isStorageTexture === true"))
+
+
 def test_the_node_for_three_js_is_better_than_its_own(page: "Page", three: str) -> None:
     found = {}
     for method in ("bilinear", "three-taau", "taau"):
@@ -322,18 +326,22 @@ def test_the_node_follows_new_sizes_and_drops_the_history_at_a_cut(page: "Page",
 
 
 @pytest.mark.parametrize(
-    "change", ["upscaled.depthNode.passNode.setResolutionScale(0.7)", "resize(320, 180)"]
+    "change",
+    [
+        "threeDemo.upscaled.depthNode.passNode.setResolutionScale(0.7)",
+        "threeDemo.resize(320, 180)",
+        "Object.assign(threeDemo.pipeline, { needsUpdate: true })",
+    ],
 )
-def test_the_first_image_at_another_render_size_is_upscaled(page: "Page", three: str, change: str) -> None:
+def test_the_first_image_after_a_change_is_upscaled(page: "Page", three: str, change: str) -> None:
     three_page(page, three)
-    if change.startswith("resize"):
+    if "resize" in change:
         page.evaluate("threeDemo.resize(256, 144)")
     for _ in range(8):
         page.evaluate("threeDemo.step()")
-    page.evaluate(f"threeDemo.{change} && 0")
+    page.evaluate(f"{change} && 0")
     image = three_image(page, "step()")
-    shown = "threeDemo.upscaled.getTextureNode().value"
-    assert page.evaluate(f"{shown}.isStorageTexture"), "not the pass as it is"
+    assert is_upscaled(page), "not the pass as it is"
     assert psnr(image, three_image(page, "reference(32)")) > 22.0
 
 
@@ -360,6 +368,23 @@ def test_effects_may_lie_between_the_pass_and_the_node(page: "Page", three: str)
     assert psnr(*images) > 40.0
 
 
+@pytest.mark.parametrize("scale", [0.5, 0.7])
+def test_depth_and_velocity_may_come_from_another_pass_of_the_same_size(
+    any_page: "Page", three: str, scale: float
+) -> None:
+    said: list[str] = []
+    any_page.on("console", lambda message: said.append(message.text))
+    make = "new depthNode.passNode.constructor('color', threeDemo.scene, camera)"
+    with_node(three_page(any_page, three), f"{make}.setResolutionScale({scale}).getTextureNode()")
+    any_page.evaluate("threeDemo.ready()")
+    for _ in range(3):
+        three_image(any_page, "step()")
+    assert is_upscaled(any_page) == (scale == 0.5)
+    assert any("depth is 160x90; want 224x125, as beauty" in text for text in said) == (scale != 0.5)
+    passes = "[threeDemo.upscaled.depthNode, threeDemo.upscaled.beautyNode].map((node) => node.passNode)"
+    assert any_page.evaluate(f"{passes}.every((pass) => pass.contextNode?.value.getTextureGradient)")
+
+
 def test_the_pass_can_be_shown_beside_the_node(page: "Page", three: str) -> None:
     with_node(three_page(page, three), output="node.sub(beautyNode).abs()")
     page.evaluate("threeDemo.ready()")
@@ -375,25 +400,65 @@ def test_the_camera_keeps_its_view_offset_and_its_aspect(page: "Page", three: st
     view = page.evaluate("threeDemo.camera.view")
     assert [view[key] for key in ("enabled", "fullWidth", "offsetX", "width")] == [True, 640, 200, 320]
     assert page.evaluate("threeDemo.camera.aspect") == 1.6
-    # `reference` sets an offset itself: this is the same view by a projection of its own
-    page.evaluate("threeDemo.camera.setViewOffset = () => {}")
-    page.evaluate("threeDemo.camera.clearViewOffset = () => {}")
-    assert psnr(image, three_image(page, "reference(1)")) > 20.0
+    assert psnr(image, reference_of_own_view(page)) > 20.0
+
+
+def reference_of_own_view(page: "Page") -> Float32:
+    """Return the reference by the projection of the camera, in place of a view offset of `reference`."""
+    page.evaluate("threeDemo.camera.setViewOffset = threeDemo.camera.clearViewOffset = () => {}")
+    return three_image(page, "reference(1)")
+
+
+def test_the_camera_keeps_a_projection_that_the_app_has_set(page: "Page", three: str) -> None:
+    three_page(page, three)
+    matrix = "threeDemo.camera.projectionMatrix"
+    page.evaluate(f"{matrix}.elements[8] = 0.3")  # off axis
+    page.evaluate(f"threeDemo.camera.projectionMatrixInverse.copy({matrix}).invert()")
+    before = page.evaluate(f"{matrix}.toArray()")
+    images = [three_image(page, "step()") for _ in range(8)]
+    assert page.evaluate(f"{matrix}.toArray()") == before
+    assert psnr(images[-1], reference_of_own_view(page)) > 20.0
+
+
+def test_planes_that_move_from_frame_to_frame_change_no_image(page: "Page", three: str) -> None:
+    images = []
+    for near in (0.1, 0.13):
+        three_page(page, three)
+        for index in range(6):
+            page.evaluate(f"threeDemo.camera.near = {near if index % 2 else 0.1}")
+            page.evaluate("threeDemo.camera.updateProjectionMatrix()")
+            image = three_image(page, "step()")
+        images.append(image)
+    assert psnr(*images) > 45.0
+
+
+def test_another_camera_of_the_pass_is_followed(page: "Page", three: str) -> None:
+    three_page(page, three)
+    three_image(page, "step()")
+    page.evaluate("void (threeDemo.camera = threeDemo.camera.clone().translateX(0.5))")
+    page.evaluate("void (threeDemo.upscaled.depthNode.passNode.camera = threeDemo.camera)")
+    images = [three_image(page, "step()") for _ in range(8)]
+    assert page.evaluate("threeDemo.upscaled.camera === threeDemo.camera")
+    assert psnr(images[-1], three_image(page, "reference(16)")) > 27.0
 
 
 def test_a_pass_samples_textures_as_before_once_the_node_is_disposed(page: "Page", three: str) -> None:
     three_page(page, three)
     page.evaluate("threeDemo.step()")
-    node = "threeDemo.upscaled.depthNode.passNode.contextNode"
-    assert page.evaluate(f"{node} !== null")
-    page.evaluate("threeDemo.upscaled.dispose()")
-    assert page.evaluate(f"{node} === null")
+    page.evaluate("window.scenePass = threeDemo.upscaled.depthNode.passNode; threeDemo.upscaled.dispose()")
+    assert page.evaluate("scenePass.contextNode === null")
+    own = "import('three/tsl').then(({ context }) => { scenePass.contextNode = context({ mine: 1 }); })"
+    page.evaluate(own)
     with_node(page)  # as after a hot reload
     page.evaluate("threeDemo.ready()")
     images = [three_image(page, "step()") for _ in range(8)]
     assert psnr(images[-1], three_image(page, "reference(32)")) > 20.0
     assert page.evaluate("threeDemo.upscaled._uniforms.detail.value") == 0.5
-    assert page.evaluate(f"{node} === threeDemo.upscaled._sharpTextures")
+    used = "scenePass._getContextNode(threeDemo.renderer).value"
+    sharp = "scenePass.contextNode.value.getTextureGradient"
+    assert page.evaluate(f"{used}.mine === 1 && {used}.getTextureGradient === {sharp}")
+    page.evaluate("threeDemo.upscaled.dispose()")
+    assert page.evaluate(f"scenePass.contextNode.value.mine === 1 && !{used}.getTextureGradient")
 
 
 def test_a_displacement_map_displaces(page: "Page", three: str) -> None:
@@ -431,6 +496,9 @@ def test_a_node_that_is_disposed_while_it_loads_keeps_nothing(page: "Page", thre
     page.evaluate("threeDemo.upscaled.dispose()")
     page.evaluate("threeDemo.upscaled.ready")
     assert page.evaluate("threeDemo.upscaled._upscaler") is None
+    with_node(page)
+    page.evaluate("threeDemo.upscaled.dispose()")
+    page.evaluate("threeDemo.upscaled.ready")  # of a node that was never drawn
 
 
 def test_a_second_node_that_jitters_is_refused(any_page: "Page", three: str) -> None:
@@ -448,8 +516,11 @@ def test_arguments_of_the_node_that_are_something_else_are_named(any_page: "Page
     nodes = "const { beautyNode: a, depthNode: b, velocityNode: c } = threeDemo.upscaled;"
     for call, message in (
         ("(undefined, b, c, threeDemo.camera)", "beauty is undefined; want a node"),
-        ("(a, b, undefined, threeDemo.camera)", "velocity is undefined; want a node"),
+        ("(a, b, undefined, threeDemo.camera)", "velocity is undefined; want a texture node"),
         ("(a, b, c)", "camera is undefined; want the camera of the pass"),
+        ("(a, b.passNode, c, threeDemo.camera)", "depth is a PassNode; want a texture node"),
+        ("(a, b, c, threeDemo.camera, 'taau')", 'options is "taau"; want { method }'),
+        ("(a, b, c, threeDemo.camera, { Method: 1 })", 'options is {"Method":1}; want { method }'),
     ):
         script = f'import("./three/node.js").then((three) => {{ {nodes} three.supersampler{call}; }})'
         assert message in any_page.evaluate(f"{script}.catch((error) => error.message)")

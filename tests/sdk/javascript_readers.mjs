@@ -8,7 +8,7 @@ import {
   readerOfFiles,
   readerOfUrl,
 } from "../../examples/web/page/shot_folder.js";
-import { Upscaler, UpscalerError } from "../../examples/web/supersampler.js";
+import { Upscaler, UpscalerError, haltonJitter } from "../../examples/web/supersampler.js";
 import { checkDevice, checkedInfo, fitsRatio, reader } from "../../examples/web/supersampler_folder.js";
 
 const found = {};
@@ -130,5 +130,16 @@ found["an upscaler without a device"] = await refuses(UpscalerError, "device is 
 found["a source that gives too much"] = await refuses(UpscalerError, "larger", () =>
   Upscaler.load({}, async () => new Uint8Array(2 << 20), {}),
 );
+for (const [text, call] of [
+  ["source is undefined; want the address of a folder", () => Upscaler.load({}, undefined, {})],
+  ['source is {"upscaler.json":"{}"}; want the address', () => Upscaler.load({}, { "upscaler.json": "{}" }, {})],
+  ["options.size is a name that is not known; want one of displaySize", () => Upscaler.load({}, "a", { size: [1, 1] })],
+  ["index is -1; want the number of a frame", () => haltonJitter(-1, 2)],
+  ["ratio is undefined; want display size / render size", () => haltonJitter(0)],
+  ["ratio is null; want display size / render size", () => haltonJitter(0, Infinity)],
+]) {
+  found[text] = await refuses(UpscalerError, text, call);
+}
+found["a frame larger than the image has a jitter"] = String(haltonJitter(5, 0.2)) === String(haltonJitter(0, 1));
 process.stdout.write(JSON.stringify(found));
 process.exit(0);

@@ -192,6 +192,7 @@ def test_the_npm_package_has_its_listed_files_and_a_module_for_each_method(tmp_p
     package = json.loads((folder / "package.json").read_text("utf-8"))
     for name in (*package["files"], "LICENSE", "NOTICE"):
         assert (folder / name).exists(), name
+    assert "NOTICE" in package["files"], "npm packs LICENSE unasked, but not NOTICE"
     index = (folder / "models/index.js").read_text("utf-8")
     assert re.findall(r'import\("\./([^"]+)\.js"\)', index) == list(with_shaders(gbuffers=False))
     model = (folder / "models/taau.js").read_text("utf-8")

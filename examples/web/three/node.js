@@ -12,7 +12,7 @@
 
 import {
   FloatType, HalfFloatType, Matrix4, NoBlending, Node, NodeMaterial, NodeUpdateType, QuadMesh, RGFormat, RedFormat, RenderTarget,
-  RendererUtils, StorageTexture, Vector2, Vector3,
+  RendererUtils, StorageTexture, Vector2,
 } from "three/webgpu";
 import {
   OnAfterRenderPipeline, OnBeforeRenderPipeline, context, convertToTexture, dFdx, dFdy, ivec2, logarithmicDepthToViewZ,
@@ -26,13 +26,16 @@ import { shown } from "../supersampler_folder.js";
 
 const ANTIALIAS = "Make the renderer with antialias: false, and the pass without samples.";
 const PIPELINES = "Make a render pipeline for each view.";
+const SCALES = "Give both passes the same resolution scale.";
+const TEXTURE_NODE = "`getTextureNode(name)` of a pass returns one.";
 const VELOCITY = "Draw it: pass(scene, camera).setMRT(mrt({ output, velocity })).";
 
 /**
  * Makes textures of a pass as sharp as at display size: their gradients are those of display pixels.
- * @param {import("three/webgpu").Node} detail render size / display size @returns {import("three/webgpu").ContextNode} for `contextNode` of the pass
+ * @param {import("three/webgpu").Node} detail render size / display size @param {?import("three/webgpu").ContextNode} [other] the pass's own context
+ * @returns {import("three/webgpu").ContextNode} for `contextNode` of the pass
  */
-export const sharpTextures = (detail) => context({
+export const sharpTextures = (detail, other = null) => context(other, {
   getTextureGradient: (node, { shaderStage }) => {
     if (shaderStage !== "fragment" || node.value.isCubeTexture || node.value.is3DTexture) return null; // a displacement has no gradients
     const uv = node.getDefaultUV();
@@ -66,15 +69,17 @@ export class SupersamplerNode extends Node {
     this._frame = 0;
     this._jitter = null; // of this frame; null before the upscaler is ready
     this._renderSize = [1, 1]; // that this frame is jittered for
-    this._view = null; // the camera's own view offset
+    this._mismatches = 0; // frames one after another whose textures differ in size
     this._projection = new Matrix4(); // without jitter
     this._clip = new Matrix4(); // world to clip coordinates, of this frame and the previous one
     this._previousClip = new Matrix4();
     this._uniforms = {
-      planes: uniform(new Vector3()), jitter: uniform(new Vector2()), size: uniform(new Vector2()), toPrevious: uniform(new Matrix4()),
+      planes: uniform(new Vector2()), // near and far
+      distances: uniform(new Vector2()), // depth is x / (y + distance)
+      jitter: uniform(new Vector2()), size: uniform(new Vector2()), toPrevious: uniform(new Matrix4()),
       detail: uniform(1), // render size / display size
     };
-    this._sharpTextures = sharpTextures(this._uniforms.detail);
+    this._contexts = new Map(); // of the passes: their own, and the one with sharp textures
     this._inputs = inputsTarget();
     this._material = Object.assign(new NodeMaterial(), { name: "supersampler inputs", blending: NoBlending });
     this._quad = new QuadMesh(this._material);
@@ -96,7 +101,9 @@ export class SupersamplerNode extends Node {
   /** Frees the memory, and lets the pass sample its textures as before. */
   dispose() {
     super.dispose();
-    if (this._pass?.contextNode === this._sharpTextures) this._pass.contextNode = null;
+    this._resolveReady();
+    for (const [pass, { own, sharp }] of this._contexts)
+      if (pass.contextNode === sharp) Object.assign(pass, { contextNode: own, needsUpdate: true });
     for (const resource of [this._fallback, this._inputs, this._material, this._output]) resource?.dispose();
     this._upscaler?.destroy();
     this._upscaler = null;
@@ -118,7 +125,7 @@ export class SupersamplerNode extends Node {
       OnAfterRenderPipeline(() => this._clearView());
     }
     if (state && state.viewOffsetOwner !== this) throw new UpscalerError("the render pipeline", "jittered by another node", "one such node", PIPELINES);
-    if (this._pass) this._pass.contextNode ??= this._sharpTextures;
+    this._sharpen();
     this._renderPipeline = renderPipeline;
     this._material.contextNode = context(builder.getSharedContext());
     this._material.fragmentNode = this._inputNodes(renderer);
@@ -129,11 +136,14 @@ export class SupersamplerNode extends Node {
   updateBefore({ renderer }) {
     if (this._fallback) return;
     const { width, height } = this._textureNode.value = this.beautyNode.value;
-    if (!this._jitter || width !== this._renderSize[0] || height !== this._renderSize[1]) return;
+    if (!this._upscaler || !Math.min(...displaySize(renderer), width, height)) return;
+    if (!this._jitter) this._followCamera([width, height], renderer); // the first frame of a render pipeline has no jitter
+    const jitter = this._jitter ?? [0, 0];
     try {
+      if (!this._areOfOneSize(width, height)) return;
       this._resize(renderer);
-      this._drawInputs(renderer);
-      this._upscale(renderer);
+      this._drawInputs(renderer, jitter);
+      this._upscale(renderer, jitter);
     } catch (error) { // thrown through three.js, it would leave the renderer without tone mapping
       this._fallBack(error);
       return;
@@ -173,14 +183,24 @@ export class SupersamplerNode extends Node {
     }
   }
 
-  /** The pass that draws the scene. Nodes may lie between it and the colour. */
+  /** The pass that draws depth. Nodes may lie between a pass and the colour. */
   get _pass() {
-    const { passNode } = this.depthNode;
-    return passNode?.isPassNode ? passNode : null;
+    return passOf(this.depthNode);
+  }
+
+  /** Lets the passes sample their textures as sharply as at display size, with the context that they have. */
+  _sharpen() {
+    for (const pass of new Set([this._pass, passOf(this.beautyNode)])) {
+      if (!pass || this._contexts.get(pass)?.sharp === pass.contextNode) continue;
+      const own = pass.contextNode, sharp = sharpTextures(this._uniforms.detail, own);
+      this._contexts.set(pass, { own, sharp });
+      Object.assign(pass, { contextNode: sharp, needsUpdate: true });
+    }
   }
 
   /** Moves the camera by the jitter, before the pass is rendered. */
   _offsetView(renderer) {
+    this._clearView(); // of a frame that an error has ended
     const display = displaySize(renderer), pass = this._pass;
     if (pass) {
       pass.setSize(...display); // as it does itself, but later
@@ -188,26 +208,47 @@ export class SupersamplerNode extends Node {
     }
     const { width, height } = pass ? pass.renderTarget : this.depthNode.value; // a depth texture follows when it is rendered
     if (!this._upscaler || !Math.min(...display, width, height)) return;
-    this._renderSize = [width, height];
-    this._uniforms.detail.value = width / display[0];
-    const [x, y] = this._jitter = haltonJitter(this._frame++, display[0] / width), { camera } = this;
-    camera.updateProjectionMatrix();
-    this._projection.copy(camera.projectionMatrix);
+    this._followCamera([width, height], renderer);
+    const { camera } = this;
+    if (camera.coordinateSystem !== renderer.coordinateSystem) return; // never rendered: three.js will set the matrix anew
+    const [x, y] = this._jitter = haltonJitter(this._frame++, display[0] / width);
     velocity.setProjectionMatrix(this._projection);
-    this._view = camera.view;
-    const whole = { enabled: true, fullWidth: width, fullHeight: height, offsetX: 0, offsetY: 0, width, height };
-    const view = camera.view?.enabled ? camera.view : whole;
-    // A pixel shows its centre + jitter. `setViewOffset` would change the camera's aspect, too.
-    camera.view = { ...view, offsetX: view.offsetX + x * view.width / width, offsetY: view.offsetY + y * view.height / height };
-    camera.updateProjectionMatrix();
+    // A pixel shows its centre + jitter. The matrix is changed, not the view offset: it may be the app's own.
+    camera.projectionMatrix.premultiply(new Matrix4().makeTranslation(-2 * x / width, 2 * y / height, 0));
+    camera.projectionMatrixInverse.copy(camera.projectionMatrix).invert();
+  }
+
+  /** Takes the size and the camera of this frame. Another camera of the pass is a cut. */
+  _followCamera(renderSize, renderer) {
+    this._renderSize = renderSize;
+    this._uniforms.detail.value = renderSize[0] / displaySize(renderer)[0];
+    const { camera } = this._pass ?? this;
+    if (camera !== this.camera) {
+      this.camera = camera;
+      this._isReset = true;
+      Object.assign(this._material, { fragmentNode: this._inputNodes(renderer), needsUpdate: true });
+    }
+    this._projection.copy(camera.projectionMatrix);
   }
 
   _clearView() {
     if (!this._jitter) return;
-    this.camera.view = this._view;
-    this.camera.updateProjectionMatrix();
+    this.camera.projectionMatrix.copy(this._projection);
+    this.camera.projectionMatrixInverse.copy(this._projection).invert();
     velocity.setProjectionMatrix(null);
     this._jitter = null;
+  }
+
+  /** Whether the frame has one size, that of the jitter. Textures may follow a new size one frame late. */
+  _areOfOneSize(width, height) {
+    const isSame = (size) => size.width === width && size.height === height;
+    const name = ["depth", "velocity"].find((one) => !isSame(this[`${one}Node`].value));
+    this._mismatches = name ? this._mismatches + 1 : 0;
+    if (this._mismatches > 1) {
+      const { value } = this[`${name}Node`];
+      throw new UpscalerError(name, `${value.width}x${value.height}`, `${width}x${height}, as beauty`, SCALES);
+    }
+    return !name && isSame({ width: this._renderSize[0], height: this._renderSize[1] });
   }
 
   _resize(renderer) {
@@ -219,13 +260,18 @@ export class SupersamplerNode extends Node {
   }
 
   /** Draws depth and motion in our units. */
-  _drawInputs(renderer) {
-    const { planes, jitter, size, toPrevious } = this._uniforms, { near, far } = this.camera;
+  _drawInputs(renderer, jitter) {
+    const { planes, distances, size, toPrevious } = this._uniforms, { near, far } = this.camera;
     this._clip.multiplyMatrices(this._projection, this.camera.matrixWorldInverse);
-    if (this._isReset) this._previousClip.copy(this._clip);
-    // Planes of an orthographic camera may lie behind it: distances then count from a point before them.
-    planes.value.set(near, far, near > 0 ? 0 : (far - near) / 10 - near);
-    jitter.value.set(...this._jitter);
+    if (this._isReset) {
+      this._previousClip.copy(this._clip);
+      // Depths are compared with those of the history: their unit stays, where an app moves the planes.
+      // Planes of an orthographic camera may lie behind it: distances then count from a point before them.
+      const shift = near > 0 ? 0 : (far - near) / 10 - near;
+      distances.value.set(near + shift, shift);
+    }
+    planes.value.set(near, far);
+    this._uniforms.jitter.value.set(...jitter);
     size.value.set(...this._renderSize);
     toPrevious.value.multiplyMatrices(this._previousClip, this._clip.clone().invert());
     this._rendererState = RendererUtils.resetRendererState(renderer, this._rendererState);
@@ -234,25 +280,25 @@ export class SupersamplerNode extends Node {
     RendererUtils.restoreRendererState(renderer, this._rendererState);
   }
 
-  _upscale(renderer) {
+  _upscale(renderer, jitter) {
     const { backend } = renderer, [color, depth, motion, output] = [this.beautyNode.value, ...this._inputs.textures, this._output]
       .map((texture) => backend.get(texture).texture);
     const encoder = backend.device.createCommandEncoder({ label: "supersampler" });
     this._upscaler.encode(encoder, { color, depth, motion }, output, {
-      jitter: this._jitter, reset: this._isReset, exposure: renderer.toneMappingExposure > 0 ? renderer.toneMappingExposure : null,
+      jitter, reset: this._isReset, exposure: renderer.toneMappingExposure > 0 ? renderer.toneMappingExposure : null,
     });
     backend.device.queue.submit([encoder.finish()]);
   }
 
   /** Depth: near / view distance, 0 at the sky. Motion: render pixels, y down, previous minus current. */
   _inputNodes(renderer) {
-    const { planes, jitter, size, toPrevious } = this._uniforms;
-    const [near, far, shift] = [planes.x, planes.y, planes.z], isReversed = renderer.reversedDepthBuffer;
+    const { planes, distances, jitter, size, toPrevious } = this._uniforms;
+    const [near, far, unit, shift] = [planes.x, planes.y, distances.x, distances.y], isReversed = renderer.reversedDepthBuffer;
     const toViewZ = this.camera.isOrthographicCamera ? orthographicDepthToViewZ
       : renderer.logarithmicDepthBuffer ? logarithmicDepthToViewZ : perspectiveDepthToViewZ;
     const [texel, z] = [ivec2(screenCoordinate), this.depthNode.load(ivec2(screenCoordinate)).r.toVar()];
     const isSky = isReversed ? z.lessThanEqual(0) : z.greaterThanEqual(1);
-    const depth = near.add(shift).div(shift.sub(toViewZ(z, near, far)));
+    const depth = unit.div(shift.sub(toViewZ(z, near, far)));
 
     // three's velocity is current minus previous, in units of half the image with y up, and 0 at the sky, which moves
     // with the camera.
@@ -262,6 +308,11 @@ export class SupersamplerNode extends Node {
     const motion = moved.mul(size).mul(vec2(-0.5, 0.5));
     return outputStruct(vec4(isSky.select(0, depth), 0, 0, 0), vec4(motion, 0, 0));
   }
+}
+
+/** Returns the pass that a node is a texture of, or null. */
+function passOf({ passNode }) {
+  return passNode?.isPassNode ? passNode : null;
 }
 
 /** Returns (width, height) of the image. */
@@ -285,9 +336,12 @@ function inputsTarget() {
  * @returns {SupersamplerNode}
  * @throws {UpscalerError} there is no such method, or an argument is something else
  */
-export function supersampler(beauty, depth, velocity, camera, options) {
-  for (const [name, node] of Object.entries({ beauty, depth, velocity }))
-    if (!node?.isNode) throw new UpscalerError(name, shown(node), "a node", "`getTextureNode(name)` of a pass returns one.");
+export function supersampler(beauty, depth, velocity, camera, options = {}) {
+  if (!beauty?.isNode) throw new UpscalerError("beauty", shown(beauty), "a node", TEXTURE_NODE);
+  for (const [name, node] of Object.entries({ depth, velocity }))
+    if (!node?.isTextureNode) throw new UpscalerError(name, node?.isNode ? `a ${node.type}` : shown(node), "a texture node", TEXTURE_NODE);
   if (!camera?.isCamera) throw new UpscalerError("camera", shown(camera), "the camera of the pass");
+  const isKnown = options === Object(options) && Object.keys(options).every((name) => name === "method");
+  if (!isKnown) throw new UpscalerError("options", shown(options), "{ method }");
   return new SupersamplerNode(convertToTexture(beauty), depth, velocity, camera, options);
 }

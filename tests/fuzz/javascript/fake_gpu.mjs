@@ -42,7 +42,9 @@ export function fakeDevice(limits = {}) {
     if (label) held.add(label);
     return { destroy: () => held.delete(label) };
   };
+  const made = { buffers: 0 };
   const createBuffer = ({ size, label }) => {
+    made.buffers++;
     check(isWhole(size, 1, all.maxBufferSize), `a buffer has ${size} bytes`);
     take(size);
     return { ...isHeld(label), size, unmap() {}, getMappedRange: () => new ArrayBuffer(size) };
@@ -83,6 +85,7 @@ export function fakeDevice(limits = {}) {
   };
   return {
     held,
+    made,
     limits: all,
     features: new Set(),
     lost: new Promise(() => {}),

@@ -61,6 +61,9 @@ async function readShaders(files) {
   upscaler.resize(DISPLAY);
   if (device.held.size > loaded.size) throw new Error(`${[...device.held]} outlive resize`);
   for (const reset of [false, true]) RENDER_SIZES.forEach((size) => encode(size, reset));
+  const { buffers } = device.made;
+  encode(RENDER_SIZES[0]);
+  if (device.made.buffers > buffers) throw new Error("a step makes a buffer");
   upscaler.destroy();
 }
 
