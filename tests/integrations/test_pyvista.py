@@ -1275,7 +1275,7 @@ def test_a_volume_at_rest_does_not_move_with_something_else(plotter: Any) -> Non
     np.testing.assert_allclose(frame.motion[row - 8 : row + 8, column - 8 : column + 8], 0.0, atol=1e-6)
 
 
-def test_axes_in_the_corner_are_those_of_plain_pyvista_but_for_fxaa_while_the_view_moves(plotter: Any) -> None:
+def test_axes_in_the_corner_are_those_of_plain_pyvista_but_for_fxaa_in_motion(plotter: Any) -> None:
     plotter.remove_actor("floor", render=False)
     plotter.add_axes()
     plotter.add_mesh(pv.Sphere(radius=0.1))
