@@ -111,7 +111,7 @@ def test_jumps_of_exposure_are_followed_as_on_the_cpu(method: str) -> None:
 
 def test_colours_of_one_chroma_keep_the_history_as_on_the_cpu() -> None:
     """Their boxes are flat in YCoCg, because green is the mean of red and blue."""
-    tint = np.float32([1.0, 0.75, 0.5])
+    tint = np.array([1.0, 0.75, 0.5], np.float32)
     ours, theirs = make("taau"), make("taau", "cpu")
     for index in range(8):
         frame = moving(index)

@@ -355,7 +355,8 @@ class SupersampledWindow:
     def _fraction(self, renderers: list[Any]) -> float:
         """Return the fraction of the window that renderers cover, where they do not overlap."""
         width, height = self._window.GetSize()
-        return sum(math.prod(renderer.GetSize()) for renderer in renderers) / max(width * height, 1)
+        covered = sum(math.prod(renderer.GetSize()) for renderer in renderers)
+        return float(covered) / max(width * height, 1)
 
     def _is_special(self) -> bool:
         """Return whether this frame has to be rendered as without supersampling."""
