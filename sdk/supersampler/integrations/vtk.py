@@ -34,7 +34,7 @@ _DELAY = 10  # ms between renders at rest, for the events of the window
 _PAUSE = 100  # ms after a frame that moved or changed, as the next one may, too
 _CORNER = 1 / 16
 """Fraction of the window up to which FXAA smooths other renderers, such as axes in a corner, while the view
-moves. Multi-sampling, which all of the window would have, takes a third of the frame's time."""
+moves. Multi-sampling would slow down the whole window."""
 _EARLY = 0.9e-3  # seconds after which a timer of 1 ms counts as ended: timers may be early
 _enabled: "WeakKeyDictionary[Any, ref[SupersampledWindow]]" = WeakKeyDictionary()  # by window
 
