@@ -356,7 +356,7 @@ class SupersampledWindow:
         """Return the fraction of the window that renderers cover, where they do not overlap."""
         width, height = self._window.GetSize()
         covered = sum(math.prod(renderer.GetSize()) for renderer in renderers)
-        return float(covered) / max(width * height, 1)
+        return float(covered / max(width * height, 1))
 
     def _is_special(self) -> bool:
         """Return whether this frame has to be rendered as without supersampling."""
