@@ -6,6 +6,7 @@ window shows the mean of full-size renders. Every other frame is rendered as wit
 """
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
@@ -29,6 +30,7 @@ _SCALES = (1.0, 1.25, 1.5, 1.75, 2.0)  # window size / render size
 _BUDGET = 0.4  # maximum time of a frame that moves, relative to a plain one
 _MAX_SHARE = 0.9  # of that time; above it upscaling does not pay
 _NEW = 0.3  # weight of the last time in the mean
+_SETTLING = 3  # frames that move before one of them counts
 _MIN_SAMPLES = 4  # multi-samples of plain renders
 _DELAY = 10  # ms between renders at rest, for the events of the window
 _PAUSE = 100  # ms after a frame that moved or changed, as the next one may, too
@@ -58,7 +60,7 @@ class Pace:
         self._scales = tuple(allowed) if scale is None else (scale,)
         self._force = force
         self._moved: dict[float, float] = {}
-        self._warm: set[object] = set()
+        self._seen = Counter[float | None]()
 
     @property
     def is_timed(self) -> bool:
@@ -88,8 +90,9 @@ class Pace:
 
     def add(self, scale: float | None, seconds: float) -> None:
         """Add a frame that moved, or a plain one if `scale` is None."""
-        if scale not in self._warm:  # the first compiles or allocates
-            self._warm.add(scale)
+        self._seen[scale] += 1
+        if self._seen[scale] <= (1 if scale is None else _SETTLING):
+            pass  # the first ones compile, allocate, or are of full size; volumes adjust their steps
         elif scale is None:
             self.plain = seconds if self.plain is None else self.plain + _NEW * (seconds - self.plain)
         else:
