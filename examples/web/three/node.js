@@ -75,7 +75,7 @@ export class SupersamplerNode extends Node {
     this._previousClip = new Matrix4();
     this._uniforms = {
       planes: uniform(new Vector2()), // near and far
-      distances: uniform(new Vector2()), // depth is x / (y + distance)
+      distances: uniform(new Vector2()), // the frame's depth is x / (y + view distance)
       jitter: uniform(new Vector2()), size: uniform(new Vector2()), toPrevious: uniform(new Matrix4()),
       detail: uniform(1), // render size / display size
     };
@@ -183,7 +183,7 @@ export class SupersamplerNode extends Node {
     }
   }
 
-  /** The pass that draws depth. Nodes may lie between a pass and the colour. */
+  /** The pass that renders depth. Nodes may lie between a pass and the colour. */
   get _pass() {
     return passOf(this.depthNode);
   }
@@ -239,7 +239,7 @@ export class SupersamplerNode extends Node {
     this._jitter = null;
   }
 
-  /** Whether the frame has one size, that of the jitter. Textures may follow a new size one frame late. */
+  /** Returns whether all textures have the size that the frame is jittered for. They may follow a new size one frame late. */
   _areOfOneSize(width, height) {
     const isSame = (size) => size.width === width && size.height === height;
     const name = ["depth", "velocity"].find((one) => !isSame(this[`${one}Node`].value));

@@ -208,16 +208,16 @@ class Taau(Method):
 
         Two samples of each cell, on its diagonal, are compared with the nearest pixels of the history where
         they were in the previous frame. Aliasing makes samples lighter or darker, light changes them alike:
-        it changed where the mean difference over 3x3 cells is large for its deviation. Samples of a regular
-        pattern, as of a fence, may all miss its wires in one frame and differ alike, too; but there samples
-        also differed from the history in the frames before.
+        it changed where the mean difference over 3x3 cells is large for its deviation. In a regular pattern,
+        such as a fence, all samples of one frame may miss the wires and differ alike. There, samples differed
+        in earlier frames, too, so these differences count as deviation.
 
         Args:
             luma: (1, 1, h, w) toned, of the samples.
             usable: (1, 1, h, w) 1 where a sample counts, else 0.
             motion: (1, 2, h, w) render pixels, dilated.
             history: (1, 3, H, W) exposed colours of the previous frame.
-            power: (1, 1, H, W) mean square of sample - history until then, and the glare.
+            power: (1, 1, H, W) mean square of sample - history in earlier frames, plus GLARE.
             view: of this frame.
 
         Returns:
@@ -237,9 +237,9 @@ class Taau(Method):
         x, y, luma, counts = ops.channels_of(samples)
         nearest = (ops.positions_of(x, y) + taau.ROUNDING).floor()
         before = ops.ycocg(ops.tone(ops.read(history, nearest, mode="nearest")))[:, :1]
-        usual, _ = ops.without_glare(ops.read(power, nearest, mode="nearest"))
+        earlier, _ = ops.without_glare(ops.read(power, nearest, mode="nearest"))
         difference = (luma - before) * counts
-        squares = difference * difference + c.change_spread * usual * counts
+        squares = difference * difference + c.change_spread * earlier * counts
         sums = torch.cat([difference, squares, counts], dim=1)
         upper, lower = sums.split_with_sizes([cells.height, cells.height], dim=2)
         difference, square, share = ops.channels_of(0.5 * ops.blurred(upper + lower))

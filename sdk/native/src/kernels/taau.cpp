@@ -110,8 +110,8 @@ class Changes {
     }
 
    private:
-    // Rows of cells: of the two compared samples, the sum of differences from the history, of their squares with the usual
-    // ones, and their number; the change; the change interpolated between rows.
+    // Rows of cells. Of the two compared samples: the sum of differences from the history; of their squares, with the mean
+    // squares of earlier frames; and their number. Then the change, and the change interpolated between rows.
     enum Plane { DIFFERENCE, SQUARE, COUNT, CHANGE, LINE };
     float* row(int plane, int y) const { return rows_ + (3 * plane + y % 3) * w_.cells_pitch; }
 

@@ -75,7 +75,7 @@ class TaauConfig:
     """... plus this; the change is complete at twice that. If an eighth of a window changes, as at the edge
     of a shadow, the mean is 0.38 deviations; in steady light, 18 independent samples have one of 0.24."""
     change_spread: Number = 6.0
-    """Weight of the mean square of these differences in earlier frames, which is added to their variance."""
+    """Weight of the mean square difference of earlier frames, which is added to the variance."""
     lag: Number = 0.015
     """Tolerated mean difference of a window's samples from the history, relative to the history ..."""
     lag_deviations: Number = 3.0

@@ -13,7 +13,7 @@ const CHANGES_DOWN = PIXELS_DOWN / 2 + 2;
 const SUMS_ACROSS = CHANGES_ACROSS + 2;   // with one cell around
 const SUMS_DOWN = CHANGES_DOWN + 2;
 
-var<workgroup> sums: array<vec3f, SUMS_ACROSS * SUMS_DOWN>;   // of samples - history, its square with the usual one; number
+var<workgroup> sums: array<vec3f, SUMS_ACROSS * SUMS_DOWN>;   // of samples - history; squares, with earlier ones; number
 var<workgroup> changes: array<f32, CHANGES_ACROSS * CHANGES_DOWN>;
 var<private> first_cell: vec2i;                               // of `changes`
 
